@@ -5,7 +5,6 @@ The camera orbits the middle of the model; without yaw and pitch it stands where
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
@@ -14,16 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stereo_gpu.errors import InputError, StageError
+from stereo_gpu.orbit import orbit, spread
 from stereo_gpu.raster import Fragments, rasterise
 from stereo_gpu.types import Bytes, Doubles, Floats, Ints, Mesh, Surface
 
 Colour = tuple[int, int, int]
 BACKGROUND: Colour = (233, 236, 240)
 
-_SAMPLES = 20_000  # vertices that the framing looks at
-_OUTLIERS = 1.0  # per cent left out at either end of each axis when framing
-_MARGIN = 1.08  # the frame against the box of what is left
-_NEAREST = 0.05  # what comes closer to the camera than this part of the pivot's depth is not drawn
 _CLAY = np.array([196.0, 192.0, 184.0])
 _INK = np.array([34.0, 58.0, 94.0])
 _LIGHT = np.array([-0.35, -0.45, -0.82])  # towards the light: a lamp above the camera's left shoulder
@@ -35,23 +31,6 @@ class Shading(StrEnum):
     TEXTURE = "texture"
     PLAIN = "plain"
     WIRE = "wire"  # plain, with the edges of the triangles
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Camera:
-    """A pinhole on an orbit: p = focal * (x, y) / z + centre, after turning about the pivot."""
-
-    rotation: Doubles
-    pivot: Doubles
-    focal: float
-    centre: Doubles
-
-    def see(self, points: Doubles) -> tuple[Doubles, Doubles]:
-        """Positions in the picture, (N, 2) px, and depths, (N,); a depth <= 0 is not to be drawn."""
-        turned = _turn(points, self.rotation, self.pivot)
-        depth = np.where(turned[:, 2] > _NEAREST * self.pivot[2], turned[:, 2], np.inf)
-        screen = self.focal * turned[:, :2] / depth[:, None] + self.centre
-        return screen, np.where(np.isfinite(depth), depth, 0.0)
 
 
 def render(
@@ -90,15 +69,14 @@ def render(
             f"none of {len(model.faces)} faces can be drawn: mesh a larger part of the disparity"
         )
     inner = (size[0] * supersample, size[1] * supersample)
-    camera = _frame(_spread(vertices, faces), inner, yaw, pitch)
+    camera = orbit(spread(vertices, faces), inner, yaw=yaw, pitch=pitch)
     screen, depth = camera.see(np.where(drawable[:, None], vertices, 0.0))
     faces = faces[(depth[faces] > 0).all(axis=1)]
     fragments = rasterise(screen, depth, faces, inner)
     if isinstance(model, Mesh) and shading is Shading.TEXTURE:
         colours = _textured(model, faces, fragments)
     else:
-        turned = _turn(vertices, camera.rotation, camera.pivot)
-        colours = _lit(turned, faces, fragments)
+        colours = _lit(camera.turn(vertices), faces, fragments)
         if shading is Shading.WIRE:
             colours = _wired(colours, fragments, float(supersample))
     return _paint(inner, fragments.pixels, colours, background, size)
@@ -138,7 +116,7 @@ def render_points(
     if not len(places):
         raise StageError(f"none of {len(good)} points is finite and in front of the camera")
     inner = (size[0] * supersample, size[1] * supersample)
-    camera = _frame(places[:: max(1, len(places) // _SAMPLES)], inner, yaw, pitch)
+    camera = orbit(places[:: max(1, len(places) // 20_000)], inner, yaw=yaw, pitch=pitch)
     screen, depth = camera.see(places)
     # Dots as large as the points lie apart, so that the cloud is dense but still seen to be points.
     apart = (0.8 * inner[0] * inner[1] / len(places)) ** 0.5
@@ -170,46 +148,6 @@ def _shading(model: Mesh | Surface, shading: Shading | str | None) -> Shading:
 def _check(size: tuple[int, int], supersample: int) -> None:
     if min(size) < 1 or supersample < 1:
         raise InputError(f"size {size} with {supersample} samples a pixel: each must be at least 1")
-
-
-def _turn(points: Doubles, rotation: Doubles, pivot: Doubles) -> Doubles:
-    turned: Doubles = (points - pivot) @ rotation.T + pivot
-    return turned
-
-
-def _spread(vertices: Doubles, faces: Ints) -> Doubles:
-    """Vertices drawn in proportion to the area that their faces cover in the cameras' view.
-
-    A decimated mesh has few vertices where it is flat, so counting vertices would crop its flat parts.
-    """
-    flat = (vertices[:, :2] / np.where(vertices[:, 2:] > 0, vertices[:, 2:], np.inf))[faces]
-    first, second = flat[:, 1] - flat[:, 0], flat[:, 2] - flat[:, 0]
-    total = np.cumsum(np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) + 1e-15)
-    picks = np.searchsorted(total, np.linspace(0, total[-1], _SAMPLES // 3, endpoint=False))
-    drawn: Doubles = vertices[faces[picks]].reshape(-1, 3)
-    return drawn
-
-
-def _frame(points: Doubles, size: tuple[int, int], yaw: float, pitch: float) -> _Camera:
-    """Turn about the middle of the model and choose the focal length so that it fills the picture."""
-    pivot = np.median(points, axis=0)
-    cy, sy = np.cos(np.radians(yaw)), np.sin(np.radians(yaw))
-    cp, sp = np.cos(np.radians(pitch)), np.sin(np.radians(pitch))
-    turn_yaw = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
-    turn_pitch = np.array([[1, 0, 0], [0, cp, -sp], [0, sp, cp]])
-    rotation = turn_pitch @ turn_yaw
-    turned = _turn(points, rotation, pivot)
-    turned = turned[turned[:, 2] > _NEAREST * pivot[2]]
-    if not len(turned):
-        raise StageError(
-            f"yaw {yaw} and pitch {pitch} leave all of it behind the camera: choose smaller ones"
-        )
-    rays = turned[:, :2] / turned[:, 2:]
-    low, high = np.percentile(rays, [_OUTLIERS, 100 - _OUTLIERS], axis=0)
-    extent = np.maximum((high - low) * _MARGIN, 1e-6)
-    focal = float(min(size[0] / extent[0], size[1] / extent[1]))
-    centre = (np.array(size) - 1) / 2 - focal * (low + high) / 2
-    return _Camera(rotation=rotation, pivot=pivot, focal=focal, centre=centre)
 
 
 def _textured(mesh: Mesh, faces: Ints, fragments: Fragments) -> NDArray[Any]:
