@@ -1,0 +1,69 @@
+"""How each kernel is launched: how many work-items, and the scalars and scratch that follow from that."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+# The same constants as in opencl/ncc_wta.cl, whose work-item holds this much scratch.
+BLOCK = 64
+LANES = 8
+CHUNK = 32
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """One launch.
+
+    Args:
+        size: work-items along each axis, the fastest axis first (OpenCL's order).
+        scalars: parameters of the kernel that the launch decides.
+        scratch_floats: length of the kernel's `scratch` buffer in floats; 0 for none.
+        alone: work-items that share nothing and are best run one to a work-group.
+    """
+
+    size: tuple[int, ...]
+    scalars: Mapping[str, int] = field(default_factory=dict)
+    scratch_floats: int = 0
+    alone: bool = False
+
+
+def geometry(kernel: str, language: str, arguments: Mapping[str, Any], units: int) -> Geometry:
+    """Say how to launch a kernel.
+
+    Args:
+        kernel: its name.
+        language: "warp" or "opencl".
+        arguments: the call's arguments by parameter name.
+        units: compute units of the device (cores of a CPU).
+    """
+    width, height = arguments.get("width", 1), arguments.get("height", 1)
+    if kernel == "bake":
+        return Geometry((arguments["triangles"],))
+    if kernel == "window_norms":
+        rows = _rows_a_strip(height, 8)
+        return Geometry((width, -(-height // rows)), {"rows": rows})
+    if kernel == "ncc_volume":
+        rows = _rows_a_strip(height, 4)
+        return Geometry((arguments["disparities"], width, -(-height // rows)), {"rows": rows})
+    if kernel == "ncc_wta" and language == "opencl":
+        # Four strips a core even out the load; a strip much shorter than its window would repeat work.
+        rows = _rows_a_strip(height, 4 * units)
+        strips = -(-height // rows)
+        padded = -(-arguments["disparities"] // CHUNK) * CHUNK
+        columns = BLOCK + 2 * arguments["radius"]
+        span = columns + padded
+        floats = padded * (columns + BLOCK) + 5 * span + 3 * columns + 2 * LANES
+        return Geometry((strips,), {"rows": rows}, strips * floats, alone=True)
+    if kernel == "ncc_wta":
+        # Enough columns x strips to fill a large GPU, few enough that the scratch stays small.
+        rows = _rows_a_strip(height, max(1, 65536 // width) if units > 1 else 1)
+        strips = -(-height // rows)
+        return Geometry((width, strips), {"rows": rows}, strips * arguments["disparities"] * width)
+    return Geometry((width, height))
+
+
+def _rows_a_strip(height: int, strips: int) -> int:
+    """Rows of each strip when a picture is cut into about so many, none under 16 rows."""
+    return max(16, -(-height // strips))

@@ -1,0 +1,42 @@
+// Left-right check: does the other view's winner point back?
+#define OCCLUDED 4
+#define MISMATCH 8
+
+// Take a disparity away where the other view's winner differs from it by more than tolerance px.
+// other holds winner_key. After Hirschmueller (PAMI 2008): a pixel is a mismatch if some disparity would have
+// agreed with the other view, else it is occluded.
+__kernel void consistency(
+    // In:
+    __global const float *disparity,
+    __global const int *other,
+    __global const uchar *validity,
+    int width,
+    int height,
+    int smallest,
+    int disparities,
+    int direction,
+    float tolerance,
+    // Out:
+    __global float *disparity_out,
+    __global uchar *validity_out)
+{
+    int x = get_global_id(0), y = get_global_id(1);
+    if (x >= width || y >= height) return;
+    int pixel = y * width + x;
+    float value = disparity[pixel];
+    disparity_out[pixel] = value;
+    validity_out[pixel] = validity[pixel];
+    if (value != value) return;
+    int key = other[y * width + clamp_index(x + direction * (int)floor(value + 0.5f), width)];
+    float difference = (float)(smallest + 8191 - key % 8192) - value;
+    if (key > 0 && difference <= tolerance && -difference <= tolerance) return;
+    int verdict = OCCLUDED;
+    for (int i = 0; i < disparities; i++) {
+        int candidate = x + direction * (smallest + i);
+        if (candidate < 0 || candidate >= width) continue;
+        key = other[y * width + candidate];
+        if (key > 0 && 8191 - key % 8192 == i) verdict = MISMATCH;
+    }
+    disparity_out[pixel] = NAN;
+    validity_out[pixel] = verdict;
+}

@@ -1,0 +1,44 @@
+// Winner takes all over a volume of scores, for both views.
+#include "peaks.h"
+
+// Disparity (px), score and second best peak over best of every pixel; the other view's winner_key.
+// The work-item of pixel (x, y) also gathers the winner of the other view's pixel (x, y).
+__kernel void wta(
+    // In:
+    __global const float *volume,
+    __global const uchar *validity,
+    int width,
+    int height,
+    int smallest,
+    int disparities,
+    int direction,
+    int subpixel,
+    // Out:
+    __global float *disparity_out,
+    __global float *score_out,
+    __global float *ratio_out,
+    __global uchar *validity_out,
+    __global int *other_out)
+{
+    int x = get_global_id(0), y = get_global_id(1);
+    if (x >= width || y >= height) return;
+    long pixel = (long)y * width + x;
+    Peaks peaks = {0.0f, 0, 0.0f, 0.0f, 0.0f, 0.0f, 0.0f};
+    int other_key = 0;
+    for (int i = 0; i < disparities; i++) {
+        see(&peaks, volume[pixel * disparities + i], i);
+        int source = x - direction * (smallest + i);
+        if (source >= 0 && source < width) {
+            int key = winner_key(volume[((long)y * width + source) * disparities + i], i);
+            other_key = key > other_key ? key : other_key;
+        }
+    }
+    see(&peaks, 0.0f, disparities);
+    int found = peaks.best > 0.0f;
+    other_out[pixel] = other_key;
+    score_out[pixel] = peaks.best;
+    disparity_out[pixel] =
+        found ? peak_disparity(peaks.index, peaks.best, peaks.before, peaks.after, smallest, subpixel) : NAN;
+    ratio_out[pixel] = found ? peaks.second / peaks.best : 0.0f;
+    validity_out[pixel] = found || validity[pixel] ? validity[pixel] : OUT_OF_RANGE;
+}

@@ -1,0 +1,83 @@
+"""The devices that can compute, found by name and opened once.
+
+Names: "warp:cuda:0", "warp:cpu", "opencl" (the best device) or "opencl:<part of a platform's or device's name>".
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+from functools import cache
+
+from stereo_gpu.backends.contract import Backend, DeviceArray, DeviceStatus
+from stereo_gpu.errors import BackendError
+
+__all__ = ["Backend", "DeviceArray", "DeviceStatus", "devices", "open_backend"]
+
+_log = logging.getLogger(__name__)
+_INSTALL = {"warp": "pip install warp-lang", "opencl": "pip install pyopencl pocl-binary-distribution"}
+
+
+def devices() -> list[DeviceStatus]:
+    """List what can compute here and, for the rest, why not and what would mend it; best first."""
+    found = [*_statuses("warp"), *_statuses("opencl")]
+    return sorted(found, key=_rank)
+
+
+def open_backend(name: str | None = None) -> Backend:
+    """Open a device by name; None takes STEREO_GPU_BACKEND, else the best one that can be used.
+
+    Raises:
+        BackendError: there is no such device; the message lists those that are.
+    """
+    wanted = name or os.environ.get("STEREO_GPU_BACKEND") or _best()
+    backend = _open(wanted)
+    _log.info("backend %s: %s", backend.name, backend.device)
+    return backend
+
+
+@cache
+def _open(name: str) -> Backend:
+    language, _, part = name.partition(":")
+    try:
+        if language == "warp":
+            from stereo_gpu.backends import warp
+
+            return warp.open_device(part or "cpu")
+        if language == "opencl":
+            from stereo_gpu.backends import opencl
+
+            return opencl.open_device(part)
+    except ImportError as error:
+        raise BackendError(f"backend {name!r} cannot be loaded ({error}): {_INSTALL[language]}") from error
+    raise BackendError(
+        f"backend {name!r} is unknown: use warp:cuda:0, warp:cpu, opencl or opencl:<part of a device's name>"
+    )
+
+
+@cache
+def _best() -> str:
+    """The first usable of: CUDA through Warp, an OpenCL GPU, an OpenCL CPU, Warp on the CPU."""
+    usable = [status.name for status in devices() if status.available]
+    if not usable:
+        raise BackendError("nothing here can compute: see `stereo-gpu doctor`")
+    return usable[0]
+
+
+def _rank(status: DeviceStatus) -> tuple[bool, bool, bool]:
+    on_cpu, through_warp = status.kind == "cpu", status.name.startswith("warp")
+    # A GPU first, through Warp if it can; on the CPU the OpenCL kernels are the faster ones.
+    return not status.available, on_cpu, through_warp == on_cpu
+
+
+def _statuses(language: str) -> list[DeviceStatus]:
+    try:
+        if language == "warp":
+            from stereo_gpu.backends import warp
+
+            return warp.statuses()
+        from stereo_gpu.backends import opencl
+
+        return opencl.statuses()
+    except ImportError as error:
+        return [DeviceStatus(language, f"{language} backend", "cpu", str(error), _INSTALL[language])]

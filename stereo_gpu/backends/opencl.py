@@ -1,0 +1,195 @@
+"""OpenCL: any GPU, and CPUs through PoCL or Intel's runtime."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import warnings
+from typing import Any
+
+import numpy as np
+import pyopencl as cl
+from numpy.typing import DTypeLike, NDArray
+
+from stereo_gpu.backends import pocl
+from stereo_gpu.backends.contract import Backend, DeviceArray, DeviceStatus, Kind, host_memory
+from stereo_gpu.errors import BackendError, MemoryLimitError
+from stereo_gpu.kernels.geometry import geometry
+from stereo_gpu.kernels.opencl import parameters, source
+
+_log = logging.getLogger(__name__)
+_ELEMENTS = {"float": np.float32, "int": np.int32, "uchar": np.uint8}
+_PIXELS = {np.dtype(np.uint8): "uchar", np.dtype(np.uint16): "ushort", np.dtype(np.float32): "float"}
+_INSTALL = "pip install pocl-binary-distribution, or apt-get install pocl-opencl-icd"
+
+
+def statuses() -> list[DeviceStatus]:
+    """Every OpenCL device, best first, or the reason why there is none."""
+    try:
+        found = _devices()
+    except cl.Error as error:
+        return [DeviceStatus("opencl", "no OpenCL driver", "cpu", _first_line(error), _INSTALL)]
+    if not found:
+        return [DeviceStatus("opencl", "no OpenCL device", "cpu", "no driver offers a device", _INSTALL)]
+    return [_status(device) for device in found]
+
+
+def open_device(part: str = "") -> Backend:
+    """Open the best device whose platform's or own name contains `part`, whatever the case.
+
+    Raises:
+        BackendError: there is none; the message lists those that are.
+    """
+    listed = statuses()
+    usable = {status.name: status for status in listed if status.available}
+    for device in _devices() if usable else []:
+        if part.lower() in f"{device.platform.name} {device.name}".lower() and _status(device).available:
+            return OpenCLBackend(device)
+    what = f"no OpenCL device has {part!r} in its name" if part else "no OpenCL device can be used"
+    there = "; ".join(f"{s.label}" + (f" ({s.reason})" if s.reason else "") for s in listed)
+    raise BackendError(f"{what}; there is: {there}. Mend: choose one of `stereo-gpu devices`, or {_INSTALL}")
+
+
+class OpenCLBackend(Backend):
+    """One OpenCL device with an in-order queue; programs are compiled once and cached on disk by the driver."""
+
+    def __init__(self, device: cl.Device) -> None:
+        self.name = _status(device).name
+        self.device = f"{device.name.strip()}, {device.platform.name.strip()}, {device.version.strip()}"
+        self.kind: Kind = _kind(device)
+        self._device = device
+        self._context = cl.Context([device])
+        self._queue = cl.CommandQueue(self._context)
+        self._kernels: dict[tuple[str, str], cl.Kernel] = {}
+        self._scratch: cl.Buffer | None = None
+        # A kernel object holds its arguments, so setting them and the launch must not be split by a thread.
+        self._lock = threading.Lock()
+
+    def upload(self, array: NDArray[Any]) -> DeviceArray:
+        """Copy an array to the device."""
+        held = self.empty(array.shape, array.dtype)
+        cl.enqueue_copy(self._queue, held.handle, np.ascontiguousarray(array))
+        return held
+
+    def empty(self, shape: tuple[int, ...], dtype: DTypeLike) -> DeviceArray:
+        """Make an array on the device, its content undefined."""
+        element = np.dtype(dtype)
+        return DeviceArray(shape, element, self._buffer(int(np.prod(shape)) * element.itemsize))
+
+    def zeros(self, shape: tuple[int, ...], dtype: DTypeLike) -> DeviceArray:
+        """Make an array of zeros on the device."""
+        array = self.empty(shape, dtype)
+        cl.enqueue_fill_buffer(self._queue, array.handle, np.uint8(0), 0, array.handle.size)
+        return array
+
+    def download(self, array: DeviceArray) -> NDArray[Any]:
+        """Copy an array back to the host, after all launches so far."""
+        result = np.empty(array.shape, array.dtype)
+        cl.enqueue_copy(self._queue, result, array.handle)
+        return result
+
+    def launch(self, kernel: str, **arguments: DeviceArray | int | float) -> None:
+        """Run a kernel; arguments by the names in its signature, less those that its geometry decides."""
+        plan = geometry(kernel, "opencl", arguments, self._device.max_compute_units)
+        values = {**arguments, **plan.scalars}
+        with self._lock:
+            if plan.scratch_floats:
+                if self._scratch is None or self._scratch.size < plan.scratch_floats * 4:
+                    self._scratch = None
+                    self._scratch = self._buffer(plan.scratch_floats * 4)
+                values["scratch"] = DeviceArray((plan.scratch_floats,), np.dtype(np.float32), self._scratch)
+            pixel = next(
+                (_PIXELS[values[p.name].dtype] for p in parameters(kernel) if p.type == "PIXEL"), ""
+            )
+            program = self._kernel(kernel, pixel)
+            program.set_args(*(self._cast(kernel, p, values) for p in parameters(kernel)))
+            local = self._local_size(plan.size, plan.alone, program)
+            padded = tuple(-(-size // group) * group for size, group in zip(plan.size, local, strict=True))
+            try:
+                cl.enqueue_nd_range_kernel(self._queue, program, padded, local)
+            except cl.Error as error:
+                raise BackendError(f"kernel {kernel} failed on {self.device}: {_first_line(error)}") from error
+
+    def finish(self) -> None:
+        """Wait until all launches are done."""
+        self._queue.finish()
+
+    def available_bytes(self) -> tuple[int, int]:
+        """Bytes that can still be taken in all, and for one array."""
+        total = self._device.global_mem_size
+        if self.kind == "cpu":
+            total = min(total, host_memory())
+        return total, min(total, self._device.max_mem_alloc_size)
+
+    def _buffer(self, size: int) -> cl.Buffer:
+        try:
+            return cl.Buffer(self._context, cl.mem_flags.READ_WRITE, max(size, 4))
+        except (cl.Error, MemoryError) as error:
+            raise MemoryLimitError(
+                f"{self.device} cannot give {size:,} bytes ({_first_line(error)}): use a smaller picture or range"
+            ) from error
+
+    def _kernel(self, kernel: str, pixel: str) -> cl.Kernel:
+        if (kernel, pixel) not in self._kernels:
+            options = ["-cl-std=CL1.2", *([f"-DPIXEL={pixel}"] if pixel else [])]
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", cl.CompilerWarning)
+                try:
+                    program = cl.Program(self._context, source(kernel)).build(options=options)
+                except cl.RuntimeError as error:
+                    failure = BackendError(f"kernel {kernel} does not compile on {self.device}: {_first_line(error)}")
+                    failure.add_note(str(error))
+                    raise failure from error
+            self._kernels[kernel, pixel] = cl.Kernel(program, kernel)
+        return self._kernels[kernel, pixel]
+
+    def _cast(self, kernel: str, parameter: Any, values: dict[str, Any]) -> Any:
+        if parameter.name not in values:
+            raise TypeError(f"kernel {kernel} needs {parameter.name}")
+        value = values[parameter.name]
+        if not parameter.array:
+            return _ELEMENTS[parameter.type](value)
+        wanted = _ELEMENTS.get(parameter.type, value.dtype)
+        if value.dtype != wanted:
+            raise TypeError(f"kernel {kernel}: {parameter.name} is {value.dtype}, not {np.dtype(wanted)}")
+        return value.handle
+
+    def _local_size(self, size: tuple[int, ...], alone: bool, program: cl.Kernel) -> tuple[int, ...]:
+        limit = program.get_work_group_info(cl.kernel_work_group_info.WORK_GROUP_SIZE, self._device)
+        # One row of neighbours: they read neighbouring addresses on a GPU and fill the vectors of a CPU.
+        width = 1 if alone else min(64, limit, self._device.max_work_item_sizes[0], _power_of_two(size[0]))
+        return (width, *(1 for _ in size[1:]))
+
+
+def _devices() -> list[cl.Device]:
+    """Every device, GPUs first, then by size; a platform that cannot be asked is left out with its reason logged."""
+    found = []
+    for platform in cl.get_platforms():
+        try:
+            found += platform.get_devices()
+        except cl.Error as error:
+            _log.warning("OpenCL platform %s: %s", platform.name, _first_line(error))
+    return sorted(found, key=lambda d: (_kind(d) != "gpu", -d.max_compute_units * d.max_clock_frequency))
+
+
+def _status(device: cl.Device) -> DeviceStatus:
+    label = f"{device.name.strip()} ({device.platform.name.strip()})"
+    reason = remedy = ""
+    if not (device.available and device.compiler_available):
+        reason, remedy = "the driver says that it is not available", "reinstall the driver"
+    elif pocl.is_unknown_processor(device) and not pocl.name_processor(device):
+        reason = "this PoCL does not know this processor and would refuse every kernel"
+        remedy = "pip install intel-opencl-rt, or a newer pocl-opencl-icd from the distribution"
+    return DeviceStatus(f"opencl:{device.name.strip()}", label, _kind(device), reason, remedy)
+
+
+def _kind(device: cl.Device) -> Kind:
+    return "cpu" if device.type & cl.device_type.CPU else "gpu"
+
+
+def _power_of_two(size: int) -> int:
+    return 1 << max(0, size - 1).bit_length()
+
+
+def _first_line(error: BaseException) -> str:
+    return next((line.strip() for line in str(error).splitlines() if line.strip()), type(error).__name__)

@@ -1,0 +1,153 @@
+"""Warp: CUDA, and the CPU for tests."""
+
+from __future__ import annotations
+
+import ctypes
+import importlib
+import os
+from typing import Any
+
+import numpy as np
+import warp as wp
+from numpy.typing import DTypeLike, NDArray
+
+from stereo_gpu.backends.contract import Backend, DeviceArray, DeviceStatus, Kind, host_memory
+from stereo_gpu.errors import BackendError, MemoryLimitError
+from stereo_gpu.kernels.geometry import geometry
+
+_ELEMENTS = {
+    np.dtype(np.uint8): wp.uint8,
+    np.dtype(np.uint16): wp.uint16,
+    np.dtype(np.int32): wp.int32,
+    np.dtype(np.float32): wp.float32,
+}
+_DRIVER = "install NVIDIA's driver (for example apt-get install nvidia-driver) and reboot"
+
+
+def statuses() -> list[DeviceStatus]:
+    """Every CUDA device that Warp sees, or the reason why there is none, and the CPU."""
+    found = []
+    if has_cuda_driver():
+        _initialise()
+        found = [DeviceStatus(f"warp:{d.alias}", d.name, "gpu") for d in wp.get_cuda_devices()]
+        if not found:
+            reason = "the CUDA driver is there, but no device"
+            found = [DeviceStatus("warp:cuda:0", "CUDA through Warp", "gpu", reason, "nvidia-smi shows what is wrong")]
+    else:
+        reason = "the CUDA driver (libcuda) cannot be loaded"
+        found = [DeviceStatus("warp:cuda:0", "CUDA through Warp", "gpu", reason, _DRIVER)]
+    return [*found, DeviceStatus("warp:cpu", f"CPU through Warp {wp.__version__}", "cpu")]
+
+
+def has_cuda_driver() -> bool:
+    """Whether a CUDA driver can be loaded; asked before Warp, which complains on standard error if not."""
+    for library in ("libcuda.so.1", "nvcuda.dll"):
+        try:
+            ctypes.CDLL(library)
+        except OSError:
+            continue
+        return True
+    return False
+
+
+def open_device(part: str) -> Backend:
+    """Open "cpu" or "cuda:0", "cuda:1" and so on.
+
+    Raises:
+        BackendError: there is no such device.
+    """
+    listed = statuses()
+    for status in listed:
+        if status.name == f"warp:{part}" and status.available:
+            return WarpBackend(part)
+    there = ", ".join(s.name if s.available else f"{s.name} ({s.reason}: {s.remedy})" for s in listed)
+    raise BackendError(f"backend 'warp:{part}' cannot be used; there is: {there}")
+
+
+class WarpBackend(Backend):
+    """One Warp device; kernels are compiled once and cached on disk by Warp."""
+
+    def __init__(self, alias: str) -> None:
+        _initialise()
+        self._device = wp.get_device(alias)
+        self.name = f"warp:{alias}"
+        self.device = f"{self._device.name}, Warp {wp.__version__}"
+        self.kind: Kind = "gpu" if self._device.is_cuda else "cpu"
+        self._scratch: wp.array | None = None
+
+    def upload(self, array: NDArray[Any]) -> DeviceArray:
+        """Copy an array to the device."""
+        flat = np.ascontiguousarray(array).reshape(-1)
+        # copy=True: on the CPU Warp would otherwise look at the caller's memory.
+        held = wp.array(flat, dtype=_ELEMENTS[flat.dtype], device=self._device, copy=True)
+        return DeviceArray(array.shape, flat.dtype, held)
+
+    def empty(self, shape: tuple[int, ...], dtype: DTypeLike) -> DeviceArray:
+        """Make an array on the device, its content undefined."""
+        return self._make(wp.empty, shape, dtype)
+
+    def zeros(self, shape: tuple[int, ...], dtype: DTypeLike) -> DeviceArray:
+        """Make an array of zeros on the device."""
+        return self._make(wp.zeros, shape, dtype)
+
+    def download(self, array: DeviceArray) -> NDArray[Any]:
+        """Copy an array back to the host, after all launches so far."""
+        result: NDArray[Any] = array.handle.numpy().reshape(array.shape)
+        return result.copy() if self.kind == "cpu" else result
+
+    def launch(self, kernel: str, **arguments: DeviceArray | int | float) -> None:
+        """Run a kernel; arguments by the names in its signature, less those that its geometry decides."""
+        program = getattr(importlib.import_module(f"stereo_gpu.kernels.warp.{kernel}"), kernel)
+        units = self._device.sm_count if self._device.is_cuda else 1
+        plan = geometry(kernel, "warp", arguments, units)
+        values = {**arguments, **plan.scalars}
+        if plan.scratch_floats:
+            if self._scratch is None or self._scratch.size < plan.scratch_floats:
+                self._scratch = None
+                self._scratch = self._make(wp.empty, (plan.scratch_floats,), np.float32).handle
+            values["scratch"] = DeviceArray((plan.scratch_floats,), np.dtype(np.float32), self._scratch)
+        wanted = [parameter.label for parameter in program.adj.args]
+        missing = [name for name in wanted if name not in values]
+        if missing:
+            raise TypeError(f"kernel {kernel} needs {missing[0]}")
+        inputs = [v.handle if isinstance(v := values[name], DeviceArray) else v for name in wanted]
+        try:
+            # Warp counts axes from the slowest, OpenCL from the fastest.
+            wp.launch(program, dim=plan.size[::-1], inputs=inputs, device=self._device)
+        except RuntimeError as error:
+            raise BackendError(f"kernel {kernel} failed on {self.device}: {error}") from error
+
+    def finish(self) -> None:
+        """Wait until all launches are done."""
+        wp.synchronize_device(self._device)
+
+    def available_bytes(self) -> tuple[int, int]:
+        """Bytes that can still be taken in all, and for one array."""
+        free = self._device.free_memory if self._device.is_cuda else host_memory()
+        return free, free
+
+    def _make(self, maker: Any, shape: tuple[int, ...], dtype: DTypeLike) -> DeviceArray:
+        element, length = np.dtype(dtype), int(np.prod(shape))
+        try:
+            return DeviceArray(shape, element, maker(length, dtype=_ELEMENTS[element], device=self._device))
+        except (RuntimeError, MemoryError) as error:
+            size = length * element.itemsize
+            raise MemoryLimitError(f"{self.device} cannot give {size:,} bytes: use a smaller picture or range") from error
+
+
+def _initialise() -> None:
+    """Start Warp without its banner, and without its complaint about a CUDA driver that is known to be missing."""
+    wp.config.log_level = wp.LOG_WARNING
+    if has_cuda_driver():
+        wp.init()
+        return
+    # The complaint is written by Warp's C++ side straight to the file descriptor.
+    kept = os.dup(2)
+    silence = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(silence, 2)
+        wp.init()
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(silence)

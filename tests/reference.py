@@ -1,0 +1,324 @@
+"""What every kernel must compute, in plain loops that anyone can check against the formula."""
+
+import math
+
+import numpy as np
+
+OUT_OF_RANGE, TEXTURELESS, OCCLUDED, MISMATCH, MASKED, FILLED = 1, 2, 4, 8, 16, 32
+
+
+def clamp(index, size):
+    return min(max(index, 0), size - 1)
+
+
+def grey(picture, scale):
+    """Rec. 601 luma, rounded to whole grey levels, minus 128."""
+    height, width = picture.shape[:2]
+    out = np.empty((height, width))
+    for y in range(height):
+        for x in range(width):
+            pixel = picture[y, x]
+            luma = float(pixel) if picture.ndim == 2 else 0.299 * pixel[0] + 0.587 * pixel[1] + 0.114 * pixel[2]
+            out[y, x] = math.floor(min(luma * scale, 255.0) + 0.5) - 128
+    return out
+
+
+def smooth(source, weights):
+    """Gaussian along x, then along y, the edge repeated, rounded at the end."""
+    height, width = source.shape
+    radius = len(weights) // 2
+    across, out = np.zeros((height, width)), np.zeros((height, width))
+    for y in range(height):
+        for x in range(width):
+            across[y, x] = sum(w * source[y, clamp(x + i - radius, width)] for i, w in enumerate(weights))
+    for y in range(height):
+        for x in range(width):
+            total = sum(w * across[clamp(y + i - radius, height), x] for i, w in enumerate(weights))
+            out[y, x] = math.floor(total + 0.5)
+    return out
+
+
+def window(picture, x, y, radius):
+    """The (2 radius + 1) squared pixels around (x, y), the edge repeated."""
+    height, width = picture.shape
+    return [
+        float(picture[clamp(y + j, height), clamp(x + i, width)])
+        for j in range(-radius, radius + 1)
+        for i in range(-radius, radius + 1)
+    ]
+
+
+def window_norms(picture, mask, radius, threshold):
+    """Sum, inverse norm of the zero-mean window, and validity of every pixel."""
+    height, width = picture.shape
+    sums, inverses = np.zeros((height, width)), np.zeros((height, width))
+    validity = np.zeros((height, width), np.uint8)
+    for y in range(height):
+        for x in range(width):
+            values = window(picture, x, y, radius)
+            mean = sum(values) / len(values)
+            norm = math.sqrt(sum((v - mean) ** 2 for v in values))
+            sums[y, x] = sum(values)
+            if not mask[y, x]:
+                validity[y, x] = MASKED
+            elif norm <= threshold:
+                validity[y, x] = TEXTURELESS
+            else:
+                inverses[y, x] = 1 / norm
+    return sums, inverses, validity
+
+
+def ncc(a, b):
+    """Zero-mean normalized cross-correlation of two windows; None where one is flat."""
+    mean_a, mean_b = sum(a) / len(a), sum(b) / len(b)
+    norm = math.sqrt(sum((v - mean_a) ** 2 for v in a)) * math.sqrt(sum((v - mean_b) ** 2 for v in b))
+    return sum((p - mean_a) * (q - mean_b) for p, q in zip(a, b, strict=True)) / norm if norm else None
+
+
+def ncc_volume(reference, other, validity_reference, validity_other, smallest, disparities, radius, direction):
+    """NCC of reference(x, y) with other(x + direction d, y) where both are good; 0 elsewhere."""
+    height, width = reference.shape
+    volume = np.zeros((height, width, disparities))
+    for y in range(height):
+        windows = [window(other, u, y, radius) for u in range(width)]
+        for x in range(width):
+            mine = window(reference, x, y, radius)
+            for i in range(disparities):
+                u = x + direction * (smallest + i)
+                if 0 <= u < width and not validity_reference[y, x] and not validity_other[y, u]:
+                    volume[y, x, i] = ncc(mine, windows[u])
+    return volume
+
+
+def wta(volume, validity, smallest, direction, subpixel):
+    """Disparity, score, ratio of second best to best peak, validity, and the other view's winner (-1: none)."""
+    height, width, disparities = volume.shape
+    disparity = np.full((height, width), np.nan)
+    score, ratio = np.zeros((height, width)), np.zeros((height, width))
+    out = validity.copy()
+    other = np.full((height, width), -1)
+    for y in range(height):
+        best_of = [0.0] * width
+        for x in range(width):
+            row = [max(0.0, s) for s in volume[y, x]]
+            best = max(row)
+            for i in range(disparities):
+                u = x + direction * (smallest + i)
+                if row[i] <= 0:
+                    continue
+                # Of equal scores the smaller disparity wins.
+                if row[i] > best_of[u] or (row[i] == best_of[u] and i < other[y, u]):
+                    best_of[u], other[y, u] = row[i], i
+            if best == 0.0:
+                out[y, x] = validity[y, x] or OUT_OF_RANGE
+                continue
+            index = row.index(best)
+            padded = [0.0, *row, 0.0]
+            peaks = [
+                padded[i + 1]
+                for i in range(disparities)
+                if i != index and padded[i + 1] > padded[i] and padded[i + 1] >= padded[i + 2]
+            ]
+            before, after = padded[index], padded[index + 2]
+            disparity[y, x] = smallest + index
+            if subpixel and before > 0 and after > 0:
+                disparity[y, x] += 0.5 * (before - after) / (before - 2 * best + after)
+            score[y, x] = best
+            ratio[y, x] = max(peaks, default=0.0) / best
+    return disparity, score, ratio, out, other
+
+
+def consistency(disparity, other, validity, smallest, disparities, direction, tolerance):
+    """Left-right check; other holds the index of the other view's winner, -1 for none."""
+    height, width = disparity.shape
+    values, out = disparity.copy(), validity.copy()
+    for y in range(height):
+        for x in range(width):
+            d = disparity[y, x]
+            if math.isnan(d):
+                continue
+            back = other[y, clamp(x + direction * math.floor(d + 0.5), width)]
+            if back >= 0 and abs(smallest + back - d) <= tolerance:
+                continue
+            agrees = False
+            for i in range(disparities):
+                u = x + direction * (smallest + i)
+                agrees = agrees or (0 <= u < width and other[y, u] == i)
+            values[y, x] = math.nan
+            out[y, x] = MISMATCH if agrees else OCCLUDED
+    return values, out
+
+
+def median(disparity, size):
+    """Lower median of the neighbours that have a value; a pixel without stays without."""
+    height, width = disparity.shape
+    out = disparity.copy()
+    for y in range(height):
+        for x in range(width):
+            if math.isnan(disparity[y, x]):
+                continue
+            around = disparity[max(0, y - size // 2) : y + size // 2 + 1, max(0, x - size // 2) : x + size // 2 + 1]
+            values = sorted(v for v in around.flat if not math.isnan(v))
+            out[y, x] = values[(len(values) - 1) // 2]
+    return out
+
+
+def support(disparity, validity, reach, step, tolerance, share):
+    """Keep values that at least share of the pixels on a grid around them have."""
+    height, width = disparity.shape
+    values, out = disparity.copy(), validity.copy()
+    offsets = range(-(reach // step) * step, reach + 1, step)
+    for y in range(height):
+        for x in range(width):
+            if math.isnan(disparity[y, x]):
+                continue
+            agreeing = 0
+            for j in offsets:
+                for i in offsets:
+                    if 0 <= y + j < height and 0 <= x + i < width:
+                        agreeing += abs(disparity[y + j, x + i] - disparity[y, x]) <= tolerance
+            if agreeing < share * len(offsets) ** 2:
+                values[y, x] = math.nan
+                out[y, x] = MISMATCH
+    return values, out
+
+
+def fill(disparity, validity, reach, tolerance):
+    """Join the ends of short holes along each row; background where the ends differ."""
+    height, width = disparity.shape
+    values, out = disparity.copy(), validity.copy()
+    for y in range(height):
+        x = 0
+        while x < width:
+            if not math.isnan(disparity[y, x]) or validity[y, x] == MASKED:
+                x += 1
+                continue
+            end = x
+            while end < width and math.isnan(disparity[y, end]) and validity[y, end] != MASKED:
+                end += 1
+            before = disparity[y, x - 1] if x > 0 else math.nan
+            after = disparity[y, end] if end < width else math.nan
+            before, after = (after if math.isnan(before) else before), (before if math.isnan(after) else after)
+            if end - x <= reach and not math.isnan(before):
+                for k in range(x, end):
+                    share = (k - x + 1) / (end - x + 1)
+                    joined = abs(after - before) <= tolerance
+                    values[y, k] = before + (after - before) * share if joined else min(before, after)
+                    out[y, k] = FILLED
+            x = end
+    return values, out
+
+
+def triangulate(disparity, direction, focal_px, baseline, cx_left, cx_right, cy):
+    """Points in the frame of the rectified left camera."""
+    height, width = disparity.shape
+    points = np.full((height, width, 3), np.nan)
+    for y in range(height):
+        for x in range(width):
+            d = disparity[y, x]
+            parallax = d - (cx_left - cx_right)
+            if not math.isnan(d) and parallax > 0:
+                x_left = x + d if direction > 0 else x
+                z = focal_px * baseline / parallax
+                points[y, x] = (x_left - cx_left) * z / focal_px, (y - cy) * z / focal_px, z
+    return points
+
+
+def bilinear(picture, u, v):
+    """Sample of a (H, W, C) picture at column u, row v, the edge repeated."""
+    height, width = picture.shape[:2]
+    x, y = math.floor(u), math.floor(v)
+    a, b = u - x, v - y
+
+    def at(i, j):
+        return picture[clamp(j, height), clamp(i, width)].astype(float)
+
+    return (at(x, y) * (1 - a) + at(x + 1, y) * a) * (1 - b) + (at(x, y + 1) * (1 - a) + at(x + 1, y + 1) * a) * b
+
+
+def rectify(picture, matrix, distortion, ray, size):
+    """Undistort and rectify a (H, W, C) picture: the colour and whether the raw picture reaches there."""
+    k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = [*distortion, *([0.0] * (12 - len(distortion)))]
+    width, height = size
+    out = np.zeros((height, width, picture.shape[2]), picture.dtype)
+    valid = np.zeros((height, width), np.uint8)
+    for y in range(height):
+        for x in range(width):
+            a, b, depth = ray @ (x, y, 1.0)
+            if depth <= 0:
+                continue
+            a, b = a / depth, b / depth
+            r2 = a * a + b * b
+            radial = (1 + k1 * r2 + k2 * r2**2 + k3 * r2**3) / (1 + k4 * r2 + k5 * r2**2 + k6 * r2**3)
+            bent_a = a * radial + 2 * p1 * a * b + p2 * (r2 + 2 * a * a) + s1 * r2 + s2 * r2**2
+            bent_b = b * radial + p1 * (r2 + 2 * b * b) + 2 * p2 * a * b + s3 * r2 + s4 * r2**2
+            u = matrix[0, 0] * bent_a + matrix[0, 2]
+            v = matrix[1, 1] * bent_b + matrix[1, 2]
+            if 0 <= u <= picture.shape[1] - 1 and 0 <= v <= picture.shape[0] - 1:
+                valid[y, x] = 1
+                out[y, x] = np.floor(bilinear(picture, u, v) + 0.5)
+    return out, valid
+
+
+def bake(picture, corners, scale, size):
+    """Colour of every texel whose centre lies in a triangle; corners (F, 3, 5): texel x, y, and u z, v z, z."""
+    width, height = size
+    texture = np.zeros((height, width, 3), np.uint8)
+    covered = np.zeros((height, width), np.uint8)
+    for triangle in corners:
+        places = np.column_stack([triangle[:, :2], np.ones(3)]).T
+        if abs(np.linalg.det(places)) < 1e-12:
+            continue
+        for y in range(height):
+            for x in range(width):
+                weights = np.linalg.solve(places, (x + 0.5, y + 0.5, 1.0))
+                if weights.min() < 0:
+                    continue
+                u, v, z = weights @ triangle[:, 2:]
+                texture[y, x] = np.floor(np.minimum(bilinear(picture, u / z, v / z) * scale, 255) + 0.5)
+                covered[y, x] = 1
+    return texture, covered
+
+
+def dilate(texture, covered):
+    """Mean of the coloured neighbours where a texel has no colour."""
+    height, width = covered.shape
+    out, reached = texture.copy(), covered.copy()
+    for y in range(height):
+        for x in range(width):
+            near = [
+                texture[j, i].astype(float)
+                for j in range(max(0, y - 1), min(height, y + 2))
+                for i in range(max(0, x - 1), min(width, x + 2))
+                if covered[j, i]
+            ]
+            if not covered[y, x]:
+                out[y, x] = np.floor(sum(near) / len(near) + 0.5) if near else 0
+                reached[y, x] = bool(near)
+    return out, reached
+
+
+def disp_comp(reference, other, smallest, disparities, radius, threshold, direction):
+    """The paper's appendix: norms under a threshold are flat, shift and search, zero where nothing correlates."""
+    height, width = reference.shape
+    result = np.zeros((height, width))
+    for y in range(height):
+        for x in range(width):
+            mine = window(reference, x, y, radius)
+            best = 0.0
+            for d in range(smallest, smallest + disparities):
+                u = x + direction * d
+                if not 0 <= u < width:
+                    continue
+                theirs = window(other, u, y, radius)
+                if norm_of(mine) <= threshold or norm_of(theirs) <= threshold:
+                    continue
+                score = ncc(mine, theirs)
+                if score > best:
+                    best, result[y, x] = score, d
+    return result
+
+
+def norm_of(values):
+    mean = sum(values) / len(values)
+    return math.sqrt(sum((v - mean) ** 2 for v in values))
