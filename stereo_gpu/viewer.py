@@ -1,0 +1,111 @@
+"""A page that shows a textured mesh to turn, offline: three.js as trimesh brings it, with our own stage."""
+
+from __future__ import annotations
+
+import io
+import json
+import logging
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stereo_gpu.errors import StageError
+from stereo_gpu.orbit import orbit, spread
+from stereo_gpu.types import Bytes, Mesh
+
+log = logging.getLogger(__name__)
+
+_UNITS_PER_METRE = {"mm": 1000.0, "cm": 100.0, "m": 1.0, "in": 1 / 0.0254}
+_TEXTURE_SIDE = 2048  # px: what a phone can hold, and enough for a window on a page
+_TEXTURE_QUALITY = 88
+# From here on trimesh's page is its own stage: white, lit, and turning about the middle of the bounding box.
+_STAGE = "var camera,controls,scene,renderer,tracklight;"
+_BODY = """<style>
+html, body { margin: 0; height: 100%; overflow: hidden; background: radial-gradient(#fafbfc, #d9dee5);
+  font: 13px/1.4 system-ui, sans-serif; color: #1d2430; color-scheme: light dark; }
+#container.said { padding: 2rem; }
+canvas { display: block; cursor: grab; touch-action: none; }
+canvas:active { cursor: grabbing; }
+#bar { position: absolute; left: 8px; bottom: 8px; display: flex; flex-wrap: wrap; gap: 6px; }
+#bar[hidden] { display: none; }
+button { font: inherit; padding: 4px 12px; border-radius: 999px; border: 1px solid #8a94a366;
+  background: #ffffffd9; color: inherit; cursor: pointer; }
+button[aria-pressed=true] { background: #2a5db0; border-color: #2a5db0; color: #fff; }
+@media (prefers-color-scheme: dark) {
+  html, body { background: radial-gradient(#3a4048, #1b1e23); color: #e8eaee; }
+  button { background: #2a2f37d9; }
+}
+</style>
+<div id="bar" hidden>
+<button data-how="photo" aria-pressed="true">Texture</button>
+<button data-how="clay" aria-pressed="false">Shape</button>
+<button data-how="wire" aria-pressed="false">Wires</button>
+<button id="front">Front view</button>
+</div>
+"""
+
+
+def viewer_page(mesh: Mesh) -> str:
+    """Return a whole HTML page, as text, that shows the mesh first from where the cameras stood.
+
+    Raises:
+        StageError: the mesh has no face in front of the cameras.
+    """
+    from trimesh.viewer import scene_to_html
+
+    vertices = mesh.vertices.astype(np.float64)
+    drawable = np.isfinite(vertices).all(axis=1) & (vertices[:, 2] > 0)
+    faces = mesh.faces[np.all(drawable[mesh.faces], axis=1)]
+    if not len(faces):
+        raise StageError(f"none of {len(mesh.faces)} faces can be shown: mesh a larger part of the disparity")
+    page = str(scene_to_html(_scene(mesh)))
+    library, found, rest = page.partition(_STAGE)
+    glb = re.search(r'base64_data="([A-Za-z0-9+/=]+)"', rest)
+    if not found or glb is None:
+        log.warning("trimesh's viewer page has changed: the report shows the model on trimesh's own stage")
+        return page
+    size = (400, 300)
+    camera = orbit(spread(vertices, faces), size)
+    scale = 1 / _UNITS_PER_METRE.get(mesh.unit, 1000.0)
+    depth = float(camera.pivot[2]) * scale
+    ray = ((np.array(size) - 1) / 2 - camera.centre) / camera.focal
+    stage = {
+        "target": [float(ray[0]) * depth, float(-ray[1]) * depth, -depth],
+        "depth": depth,
+        "halfWidth": size[0] / 2 / camera.focal,
+        "halfHeight": size[1] / 2 / camera.focal,
+    }
+    script = Path(__file__).with_name("viewer.js").read_text(encoding="utf-8")
+    own = f'const glb="{glb.group(1)}";\nconst stage={json.dumps(stage)};\n{script}'
+    return f"{library}</script>\n{_BODY}<script>\n{own}</script></body>\n</html>\n"
+
+
+def _scene(mesh: Mesh) -> Any:
+    """The mesh as trimesh holds it: metres, y up, z towards the viewer, uv from the bottom left, JPEG."""
+    import trimesh
+
+    scale = 1 / _UNITS_PER_METRE.get(mesh.unit, 1000.0)
+    material = trimesh.visual.material.PBRMaterial(
+        baseColorTexture=_jpeg(mesh.texture), metallicFactor=0.0, roughnessFactor=1.0
+    )
+    uv = np.stack([mesh.uv[:, 0], 1 - mesh.uv[:, 1]], axis=1)
+    geometry = trimesh.Trimesh(
+        vertices=mesh.vertices * np.array([scale, -scale, -scale]),
+        faces=mesh.faces,
+        visual=trimesh.visual.TextureVisuals(uv=uv, material=material),
+        process=False,
+    )
+    return trimesh.Scene([geometry])
+
+
+def _jpeg(texture: Bytes) -> Any:
+    """A JPEG picture that trimesh embeds as it is; a lossless texture would fill most of the page."""
+    from PIL import Image
+
+    picture = Image.fromarray(texture)
+    picture.thumbnail((_TEXTURE_SIDE, _TEXTURE_SIDE))
+    packed = io.BytesIO()
+    picture.save(packed, "JPEG", quality=_TEXTURE_QUALITY)
+    return Image.open(packed)
