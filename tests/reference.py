@@ -198,7 +198,10 @@ def fill(disparity, validity, reach, tolerance):
                 end += 1
             before = disparity[y, x - 1] if x > 0 else math.nan
             after = disparity[y, end] if end < width else math.nan
-            before, after = (after if math.isnan(before) else before), (before if math.isnan(after) else after)
+            before, after = (
+                (after if math.isnan(before) else before),
+                (before if math.isnan(after) else after),
+            )
             if end - x <= reach and not math.isnan(before):
                 for k in range(x, end):
                     share = (k - x + 1) / (end - x + 1)

@@ -77,7 +77,13 @@ def test_triangulate(backend, direction):
     numbers = {"focal_px": 612.5, "baseline": 99.8, "cx_left": 20.25, "cx_right": 17.5, "cy": 14.125}
     held = backend.upload(disparity)
     backend.launch(
-        "triangulate", disparity=held, width=WIDTH, height=HEIGHT, direction=direction, **numbers, points_out=out
+        "triangulate",
+        disparity=held,
+        width=WIDTH,
+        height=HEIGHT,
+        direction=direction,
+        **numbers,
+        points_out=out,
     )
     want = reference.triangulate(disparity.astype(float), direction, **numbers)
     assert np.isnan(want).any()

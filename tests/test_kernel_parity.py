@@ -11,7 +11,7 @@ from stereo_gpu.kernels.opencl import parameters
 
 FOLDER = Path(kernels.__file__).parent
 OPENCL = sorted(path.stem for path in (FOLDER / "opencl").glob("*.cl"))
-FIXED = "rectify smooth ncc_volume wta ncc_wta consistency median triangulate bake".split()
+FIXED = ["rectify", "smooth", "ncc_volume", "wta", "ncc_wta", "consistency", "median", "triangulate", "bake"]
 TYPES = {"float32": "float", "int32": "int", "uint8": "uchar", "Any": "PIXEL"}
 
 
@@ -26,7 +26,13 @@ def test_same_parameters(name):
     for argument in program.adj.args:
         array = hasattr(argument.type, "dtype")
         element = argument.type.dtype if array else argument.type
-        warp.append((argument.label, TYPES[{"int": "int32", "float": "float32"}.get(element.__name__, element.__name__)], array))
+        warp.append(
+            (
+                argument.label,
+                TYPES[{"int": "int32", "float": "float32"}.get(element.__name__, element.__name__)],
+                array,
+            )
+        )
     assert warp == [(p.name, p.type, p.array) for p in parameters(name)]
 
 

@@ -46,7 +46,7 @@ def norms(backend, picture, mask, radius, threshold):
 
 def prepared(backend, ref, oth, mask, radius, threshold=5.0):
     ref_sum, ref_inverse, validity = norms(backend, ref, mask, radius, threshold)
-    oth_sum, oth_inverse, oth_validity = norms(backend, oth, np.ones_like(mask), radius, threshold)
+    oth_sum, oth_inverse, _ = norms(backend, oth, np.ones_like(mask), radius, threshold)
     arrays = {
         "reference": backend.upload(ref),
         "other": backend.upload(oth),
@@ -55,7 +55,7 @@ def prepared(backend, ref, oth, mask, radius, threshold=5.0):
         "other_sum": oth_sum,
         "other_inverse": oth_inverse,
     }
-    return arrays, validity, oth_validity
+    return arrays, validity
 
 
 def winners(backend, shape):
@@ -82,9 +82,7 @@ def test_grey(backend):
         out = junk(backend, (HEIGHT, WIDTH), np.float32)
         channels = 1 if picture.ndim == 2 else 3
         held = backend.upload(picture)
-        backend.launch(
-            "grey", picture=held, width=WIDTH, height=HEIGHT, channels=channels, scale=scale, grey_out=out
-        )
+        backend.launch("grey", picture=held, width=WIDTH, height=HEIGHT, channels=channels, scale=scale, grey_out=out)
         difference = np.abs(backend.download(out) - reference.grey(picture, scale))
         # Single and double precision may round a luma of exactly one half apart.
         assert (difference > 0).mean() < 0.002
@@ -94,7 +92,11 @@ def test_grey(backend):
 def test_smooth(backend):
     picture, _ = scene()
     weights = np.array([0.06, 0.24, 0.4, 0.24, 0.06], np.float32)
-    arrays = [backend.upload(picture), junk(backend, picture.shape, np.float32), junk(backend, picture.shape, np.float32)]
+    arrays = [
+        backend.upload(picture),
+        junk(backend, picture.shape, np.float32),
+        junk(backend, picture.shape, np.float32),
+    ]
     for axis in (0, 1):
         backend.launch(
             "smooth",
@@ -133,7 +135,7 @@ def test_volume_then_wta_and_fused(backend, size, smallest, disparities, directi
     mask = np.ones((HEIGHT, WIDTH), np.uint8)
     mask[30:, 40:] = 0
     radius = size // 2
-    arrays, validity, oth_validity = prepared(backend, ref, oth, mask, radius)
+    arrays, validity = prepared(backend, ref, oth, mask, radius)
     numbers = {
         "width": WIDTH,
         "height": HEIGHT,
@@ -160,12 +162,8 @@ def test_volume_then_wta_and_fused(backend, size, smallest, disparities, directi
     for subpixel in (0, 1):
         apart, fused = winners(backend, (HEIGHT, WIDTH)), winners(backend, (HEIGHT, WIDTH))
         backend.launch("wta", volume=volume, validity=validity, **numbers, subpixel=subpixel, **apart)
-        backend.launch(
-            "ncc_wta", **arrays, validity=validity, **numbers, radius=radius, subpixel=subpixel, **fused
-        )
-        want = reference.wta(
-            got.astype(float), backend.download(validity), smallest, direction, bool(subpixel)
-        )
+        backend.launch("ncc_wta", **arrays, validity=validity, **numbers, radius=radius, subpixel=subpixel, **fused)
+        want = reference.wta(got.astype(float), backend.download(validity), smallest, direction, bool(subpixel))
         for form in (apart, fused):
             disparity, score, ratio, valid, key = (backend.download(a) for a in form.values())
             np.testing.assert_allclose(disparity, want[0], atol=DISPARITY_TOLERANCE)
@@ -184,7 +182,7 @@ def test_fused_on_extreme_shapes(backend, shape):
     rng = np.random.default_rng(3)
     ref, oth = (rng.integers(-128, 128, shape).astype(np.float32) for _ in range(2))
     mask = np.ones(shape, np.uint8)
-    arrays, validity, _ = prepared(backend, ref, oth, mask, 3, 1.0)
+    arrays, validity = prepared(backend, ref, oth, mask, 3, 1.0)
     numbers = {"width": shape[1], "height": shape[0], "smallest": -3, "disparities": 70, "direction": 1}
     volume = junk(backend, (*shape, 70), np.float32)
     backend.launch("ncc_volume", **arrays, **numbers, radius=3, volume_out=volume)

@@ -1,4 +1,4 @@
-"""Left-right check: does the other view's winner point back?"""
+"""Left-right check: the other view's winner must point back."""
 
 import warp as wp
 

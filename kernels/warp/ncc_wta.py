@@ -63,8 +63,7 @@ def ncc_wta(
                 if y >= first:
                     # This order of operations is the same in every form of the correlation, so that all agree.
                     score = (
-                        (box - (reference_sum[pixel] / count) * other_sum[y * width + u])
-                        * reference_inverse[pixel]
+                        (box - (reference_sum[pixel] / count) * other_sum[y * width + u]) * reference_inverse[pixel]
                     ) * other_inverse[y * width + u]
                     peaks = see(peaks, score, i)
                     key = winner_key(score, i)

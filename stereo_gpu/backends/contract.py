@@ -113,10 +113,7 @@ class Backend(ABC):
 
 def host_memory() -> int:
     """Bytes of main memory that this process can still take: the system's figure or its container's limit."""
-    bounds = []
-    for line in _lines("/proc/meminfo"):
-        if line.startswith("MemAvailable:"):
-            bounds.append(int(line.split()[1]) * 1024)
+    bounds = [int(line.split()[1]) * 1024 for line in _lines("/proc/meminfo") if line.startswith("MemAvailable:")]
     limit, used = _lines("/sys/fs/cgroup/memory.max"), _lines("/sys/fs/cgroup/memory.current")
     if limit and used and limit[0].isdigit():
         bounds.append(max(0, int(limit[0]) - int(used[0])))

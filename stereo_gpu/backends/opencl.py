@@ -98,9 +98,7 @@ class OpenCLBackend(Backend):
                     self._scratch = None
                     self._scratch = self._buffer(plan.scratch_floats * 4)
                 values["scratch"] = DeviceArray((plan.scratch_floats,), np.dtype(np.float32), self._scratch)
-            pixel = next(
-                (_PIXELS[values[p.name].dtype] for p in parameters(kernel) if p.type == "PIXEL"), ""
-            )
+            pixel = next((_PIXELS[values[p.name].dtype] for p in parameters(kernel) if p.type == "PIXEL"), "")
             program = self._kernel(kernel, pixel)
             program.set_args(*(self._cast(kernel, p, values) for p in parameters(kernel)))
             local = self._local_size(plan.size, plan.alone, program)

@@ -20,8 +20,9 @@ _RECORD_BYTES = 4096  # the name's address stands 640 bytes into the record of P
 
 
 def is_unknown_processor(device: cl.Device) -> bool:
-    """Whether this is a PoCL CPU device whose processor its LLVM does not know, on a system where that can be mended."""
-    return device.platform.name == "Portable Computing Language" and device.version.endswith("x86_64-unknown-linux-gnu-generic")
+    """Whether this is a PoCL device on x86-64 Linux whose processor its LLVM does not know."""
+    named_generic = str(device.version).endswith("x86_64-unknown-linux-gnu-generic")
+    return named_generic and device.platform.name == "Portable Computing Language"
 
 
 def name_processor(device: cl.Device) -> bool:

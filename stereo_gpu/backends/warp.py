@@ -132,7 +132,9 @@ class WarpBackend(Backend):
             return DeviceArray(shape, element, maker(length, dtype=_ELEMENTS[element], device=self._device))
         except (RuntimeError, MemoryError) as error:
             size = length * element.itemsize
-            raise MemoryLimitError(f"{self.device} cannot give {size:,} bytes: use a smaller picture or range") from error
+            raise MemoryLimitError(
+                f"{self.device} cannot give {size:,} bytes: use a smaller picture or range"
+            ) from error
 
 
 def _initialise() -> None:

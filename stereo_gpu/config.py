@@ -1,0 +1,78 @@
+"""Every option of a reconstruction, with the defaults of each profile."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+
+class Profile(StrEnum):
+    """How disparities are found."""
+
+    PAPER = "paper"
+    FAST = "fast"
+
+
+@dataclass(frozen=True, kw_only=True)
+class MatchOptions:
+    """How a disparity map is made.
+
+    Args:
+        window: side of the square correlation window, px, odd, 3 to 31.
+        texture_threshold: RMS contrast of a window, in grey levels of 0..255, at or under which it is flat.
+        subpixel: whether a parabola refines the winner.
+        smooth_sigma: standard deviation of the Gaussian prefilter, px; 0 for none.
+        whole_volume: whether the cost volume is held in memory, as the paper does, or fused with its winner.
+        consistency_px: largest difference to the other view's winner, px; None for no left-right check.
+        median: side of the median filter, 3, 5 or 7; 0 for none.
+        support_share: share of the surroundings that must have a pixel's disparity; 0 for no such test.
+        support_reach, support_step: how far these surroundings go and how densely they are sampled, px.
+        fill_reach: longest hole in a row that is filled, px; 0 for none.
+        same_surface_px: difference up to which two disparities belong to one surface, px.
+    """
+
+    window: int
+    texture_threshold: float
+    subpixel: bool
+    smooth_sigma: float = 0.0
+    whole_volume: bool = False
+    consistency_px: float | None = None
+    median: int = 0
+    support_share: float = 0.0
+    support_reach: int = 6
+    support_step: int = 3
+    fill_reach: int = 0
+    same_surface_px: float = 1.0
+
+
+PROFILES = {
+    Profile.PAPER: MatchOptions(window=11, texture_threshold=1.0, subpixel=False, whole_volume=True, median=3),
+    Profile.FAST: MatchOptions(
+        window=7,
+        texture_threshold=0.5,
+        subpixel=True,
+        consistency_px=1.0,
+        median=5,
+        support_share=0.3,
+        fill_reach=32,
+    ),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeshOptions:
+    """How a mesh is made of a disparity map.
+
+    Args:
+        max_jump_px: disparity difference over which two pixels are not on one surface, px.
+        faces: number of triangles to decimate to; 0 keeps them all.
+        smoothing: passes of the smoothing filter; 0 for none.
+        unwrap: "charts" (xatlas) or "view" (the right picture's own coordinates).
+        unwrap_seconds: time limit for the charts, after which "view" is taken.
+    """
+
+    max_jump_px: float = 1.5
+    faces: int = 50_000
+    smoothing: int = 10
+    unwrap: str = "charts"
+    unwrap_seconds: float = 60.0

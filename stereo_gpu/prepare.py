@@ -1,0 +1,80 @@
+"""Make a picture ready for the correlation: grey, smoothed if asked, with the sums of its windows."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from stereo_gpu.backends import Backend, DeviceArray
+from stereo_gpu.config import MatchOptions
+from stereo_gpu.types import Picture
+
+
+@dataclass(frozen=True, kw_only=True)
+class DeviceView:
+    """One grey view on the device, with what the correlation needs to know of each of its windows."""
+
+    grey: DeviceArray
+    window_sum: DeviceArray
+    inverse_norm: DeviceArray
+    validity: DeviceArray
+
+
+def prepare_view(
+    backend: Backend, picture: DeviceArray, scale: float, mask: DeviceArray, options: MatchOptions
+) -> DeviceView:
+    """Make a picture grey, smooth it if asked, and sum up each of its windows."""
+    height, width = picture.shape[:2]
+    size = {"width": width, "height": height}
+    grey = backend.empty((height, width), np.float32)
+    channels = 1 if len(picture.shape) == 2 else 3
+    backend.launch("grey", picture=picture, **size, channels=channels, scale=scale, grey_out=grey)
+    if options.smooth_sigma > 0:
+        grey = _smooth(backend, grey, options.smooth_sigma)
+    window_sum, inverse = (backend.empty((height, width), np.float32) for _ in range(2))
+    validity = backend.empty((height, width), np.uint8)
+    backend.launch(
+        "window_norms",
+        picture=grey,
+        mask=mask,
+        **size,
+        radius=options.window // 2,
+        # The norm of a window is its RMS contrast times the square root of its number of pixels.
+        threshold=options.texture_threshold * options.window,
+        sum_out=window_sum,
+        inverse_out=inverse,
+        validity_out=validity,
+    )
+    return DeviceView(grey=grey, window_sum=window_sum, inverse_norm=inverse, validity=validity)
+
+
+def grey_scale(picture: Picture) -> float:
+    """Factor that takes a picture's values to 0..255: 1 for uint8; a uint16 picture's bright end becomes 255."""
+    if picture.dtype == np.uint8:
+        return 1.0
+    # Few cameras fill 16 bits; a handful of hot pixels must not darken the rest.
+    return 255.0 / max(1.0, float(np.percentile(picture[::4, ::4], 99.9)))
+
+
+def _smooth(backend: Backend, grey: DeviceArray, sigma: float) -> DeviceArray:
+    radius = max(1, math.ceil(3 * sigma))
+    offsets = np.arange(-radius, radius + 1)
+    weights = np.exp(-0.5 * (offsets / sigma) ** 2)
+    held = backend.upload((weights / weights.sum()).astype(np.float32))
+    height, width = grey.shape
+    for axis in (0, 1):
+        smoothed = backend.empty(grey.shape, np.float32)
+        backend.launch(
+            "smooth",
+            source=grey,
+            weights=held,
+            width=width,
+            height=height,
+            radius=radius,
+            axis=axis,
+            smoothed_out=smoothed,
+        )
+        grey = smoothed
+    return grey
