@@ -20,7 +20,10 @@ _log = logging.getLogger(__name__)
 COARSE_WIDTH = 320  # px; small enough to search everything, large enough for a window to hold texture
 SMALLEST_SHARE = 0.001  # of the matched pixels: fewer at one coarse disparity are taken for false matches
 MARGIN = 2  # coarse px on either side, for what the coarse picture could not resolve
-_COARSE = dataclasses.replace(PROFILES[Profile.FAST], support_share=0.45, fill_reach=0)
+# Shares of the found range that are added. Near surfaces are the ones that a coarse match loses: they are cut off
+# by the picture's edge, thin, or seen at a slant.
+FARTHER, NEARER = 0.05, 0.15
+_COARSE = dataclasses.replace(PROFILES[Profile.FAST], fill_reach=0)
 
 
 def find_range(
@@ -63,8 +66,9 @@ def find_range(
     kept = np.flatnonzero(histogram >= max(3, SMALLEST_SHARE * len(values)))
     if not len(kept):
         kept = np.array([histogram.argmax()])
-    first = int(kept[0]) + smallest - MARGIN
-    last = int(kept[-1]) + smallest + 1 + MARGIN
+    found_range = int(kept[-1]) + 1 - int(kept[0])
+    first = int(kept[0]) + smallest - MARGIN - FARTHER * found_range
+    last = int(kept[-1]) + 1 + smallest + MARGIN + NEARER * found_range
     scale = left.shape[1] / size[0]
     low, high = int(np.floor(first * scale)), int(np.ceil(last * scale))
     return low, high - low

@@ -41,3 +41,18 @@ def write_whole(path: str | os.PathLike[str], content: bytes | str) -> Path:
     finally:
         temporary.unlink(missing_ok=True)
     return path
+
+
+def check_writable(folder: str | os.PathLike[str]) -> None:
+    """Refuse a folder in which nothing could be written, before any work is done; it need not exist yet.
+
+    Raises:
+        InputError: it is a file, or neither it nor the nearest folder above it can be written.
+    """
+    nearest = Path(folder).absolute()
+    while not nearest.exists() and nearest != nearest.parent:
+        nearest = nearest.parent
+    if not nearest.is_dir():
+        raise InputError(f"cannot write to {folder}: {nearest} is a file; name another folder")
+    if not os.access(nearest, os.W_OK | os.X_OK):
+        raise InputError(f"cannot write to {folder}: no permission to write in {nearest}; name another folder")

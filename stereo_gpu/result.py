@@ -1,0 +1,231 @@
+"""Everything that one reconstruction computed, and the files it leaves."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import json
+import math
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stereo_gpu import export, figures
+from stereo_gpu.check import PairCheck
+from stereo_gpu.errors import InputError
+from stereo_gpu.files import check_writable, write_whole
+from stereo_gpu.images import write_png
+from stereo_gpu.match import coverage
+from stereo_gpu.prepare import grey_scale
+from stereo_gpu.render import Shading, render, render_points
+from stereo_gpu.report import Figure, write_report
+from stereo_gpu.types import Bytes, Disparity, Floats, Mesh, Picture, RectifiedPair, Surface, Validity, View
+
+# From the front every model looks like the photograph; a little from the side its depth can be judged.
+YAW, PITCH = 20.0, 8.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reconstruction:
+    """What `reconstruct` returns.
+
+    Args:
+        raw_left, raw_right: the pictures as they came.
+        pair: the rectified pair and its geometry.
+        mask: (H, W) uint8 on the reference view, 1 where it was to be matched.
+        disparity: the disparity map on the reference view.
+        points: (H, W, 3) float32 in the pair's unit, frame of the rectified left camera; NaN where there is none.
+        surface: the dense mesh; smoothed: decimated and smoothed.
+        mesh: the textured mesh.
+        inputs: name and sha256 of each picture.
+        options: every option as used.
+        checked: what matched features tell of the rectified pair.
+        seconds: wall time of each stage.
+        warnings: what a person should know, one sentence each.
+    """
+
+    raw_left: Picture
+    raw_right: Picture
+    pair: RectifiedPair
+    mask: Bytes
+    disparity: Disparity
+    points: Floats
+    surface: Surface
+    smoothed: Surface
+    mesh: Mesh
+    inputs: dict[str, dict[str, str]]
+    options: dict[str, Any]
+    checked: PairCheck
+    seconds: dict[str, float]
+    warnings: list[str]
+
+    @property
+    def picture(self) -> Picture:
+        """The rectified picture of the reference view."""
+        return self.pair.left if self.disparity.reference is View.LEFT else self.pair.right
+
+    def save(self, folder: str | os.PathLike[str]) -> list[Path]:
+        """Write model.glb, model.obj with .mtl and .png, cloud.ply, surface.vtp, disparity.pfm and .png,
+        report.html and result.json, each whole or not at all.
+
+        Raises:
+            InputError: the folder cannot be made or written.
+        """
+        folder = Path(folder)
+        check_writable(folder)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"cannot make folder {folder}: {error.strerror or error}; name another one") from error
+        colours = self._colours()
+        written = [
+            export.write_glb(folder / "model.glb", self.mesh),
+            *export.write_obj(folder / "model.obj", self.mesh),
+            export.write_ply(folder / "cloud.ply", self.points, colours),
+            export.write_vtp(folder / "surface.vtp", self.mesh),
+            export.write_pfm(folder / "disparity.pfm", self.disparity.values),
+            write_png(folder / "disparity.png", figures.colour_disparity(self.disparity.values, bar=True)),
+            write_report(
+                folder / "report.html",
+                title=f"{self.inputs['left']['name']} and {self.inputs['right']['name']}",
+                figures=self.figures(),
+                facts=self._facts(),
+                seconds=self.seconds,
+                warnings=self.warnings,
+                mesh=self.mesh,
+            ),
+        ]
+        return [*written, write_whole(folder / "result.json", json.dumps(self.record(), indent=1) + "\n")]
+
+    def record(self) -> dict[str, Any]:
+        """What result.json holds: all that is needed to make this result again, and what came out."""
+        values = self.disparity.values
+        return {
+            "package": f"stereo-gpu {importlib.metadata.version('stereo-gpu')}",
+            "inputs": self.inputs,
+            "options": self.options,
+            "backend": self.disparity.backend,
+            "device": self.disparity.device,
+            "seconds": {**self.seconds, **{f"match: {name}": s for name, s in self.disparity.seconds.items()}},
+            "geometry": {
+                "focal_px": self.pair.focal_px,
+                "baseline": self.pair.baseline,
+                "unit": self.pair.unit,
+                "cx_left": self.pair.cx_left,
+                "cx_right": self.pair.cx_right,
+                "cy": self.pair.cy,
+            },
+            "counts": {
+                "pixels": int(values.size),
+                "wanted": int((self.mask != 0).sum()),
+                "with_disparity": int(np.isfinite(values).sum()),
+                **{
+                    str(bit.name).lower(): int(((self.disparity.validity & bit) != 0).sum())
+                    for bit in Validity
+                },
+                "matched_features": self.checked.matches,
+                "dense_triangles": len(self.surface.faces),
+                "vertices": len(self.mesh.vertices),
+                "triangles": len(self.mesh.faces),
+            },
+            "coverage": coverage(self.disparity),
+            "vertical_px": None if math.isnan(self.checked.vertical_px) else self.checked.vertical_px,
+            "warnings": self.warnings,
+        }
+
+    def figures(self) -> list[Figure]:
+        """The pictures of the paper's figures 6 to 9 for this pair."""
+        turned = {"yaw": YAW, "pitch": PITCH}
+        unwanted = "nothing was masked" if self.mask.all() else "what is dark was not matched"
+        return [
+            Figure(
+                name="Originals",
+                caption="The two pictures as the cameras took them.",
+                picture=figures.side_by_side(self.raw_left, self.raw_right),
+            ),
+            Figure(
+                name="Rectified",
+                caption="Undistorted and turned, so that every point lies on the same row in both:"
+                " follow a level line.",
+                picture=figures.side_by_side(self.pair.left, self.pair.right, level_lines=True),
+            ),
+            Figure(
+                name="Masked",
+                caption=f"The {self.disparity.reference} view; {unwanted}.",
+                picture=figures.masked(self.picture, self.mask),
+            ),
+            Figure(
+                name="Disparity",
+                caption="How far each pixel moves between the views, px: what is near moves far.",
+                picture=figures.colour_disparity(self.disparity.values, bar=True),
+            ),
+            Figure(
+                name="Validity",
+                caption="Why pixels have no disparity, and which were filled in.",
+                picture=figures.colour_validity(self.disparity.validity),
+            ),
+            Figure(
+                name="Confidence",
+                caption="From 0, black, to 1.",
+                picture=figures.colour_confidence(self.disparity.confidence),
+            ),
+            Figure(
+                name="Cloud",
+                caption="Every pixel at its depth, seen from the side.",
+                picture=render_points(self.points, self._colours(), **turned),
+            ),
+            Figure(
+                name="Mesh",
+                caption=f"{len(self.surface.faces):,} triangles, one for every half pixel.",
+                picture=render(self.surface, shading=Shading.PLAIN, **turned),
+            ),
+            Figure(
+                name="Smoothed",
+                caption=f"{len(self.smoothed.faces):,} triangles after decimation and smoothing.",
+                picture=render(self.smoothed, shading=Shading.PLAIN, **turned),
+            ),
+            Figure(
+                name="Textured",
+                caption=f"With the {self.disparity.reference} picture as texture.",
+                picture=render(self.mesh, **turned),
+            ),
+        ]
+
+    def _colours(self) -> Bytes:
+        """The reference picture as (H, W, 3) uint8."""
+        picture = self.picture.astype(np.float32) * np.float32(grey_scale(self.picture))
+        eight = np.clip(picture + 0.5, 0, 255).astype(np.uint8)
+        return eight if eight.ndim == 3 else np.repeat(eight[..., None], 3, axis=2)
+
+    def _facts(self) -> dict[str, str | dict[str, str]]:
+        record, pair, unit = self.record(), self.pair, self.pair.unit
+        depths = self.points[..., 2][np.isfinite(self.points[..., 2])]
+        vertical = "not measured" if record["vertical_px"] is None else f"{record['vertical_px']:.2f} px"
+        return {
+            "Pictures": {
+                f"{name} picture": f"{about['name']} (sha256 {about['sha256'][:12]}…)"
+                for name, about in self.inputs.items()
+            },
+            "Geometry": {
+                "Size": f"{pair.left.shape[1]} x {pair.left.shape[0]} px",
+                "Focal length": f"{pair.focal_px:.2f} px",
+                "Baseline": f"{pair.baseline:.3f} {unit}",
+                "Vertical error": f"{vertical} (median of {self.checked.matches} features)",
+            },
+            "Result": {
+                "Coverage": f"{record['coverage']:.1%} of the wanted pixels",
+                "Depth": f"{np.percentile(depths, 1):.1f} to {np.percentile(depths, 99):.1f} {unit}",
+                "Disparities searched": f"{self.disparity.smallest} to "
+                f"{self.disparity.smallest + self.disparity.disparities - 1} px",
+                "Triangles": f"{len(self.mesh.faces):,}",
+                "Texture": f"{self.mesh.texture.shape[1]} x {self.mesh.texture.shape[0]} px",
+            },
+            "Options": {name: str(value) for name, value in self.options.items()},
+            "Machine": {
+                "Backend": self.disparity.backend,
+                "Device": self.disparity.device,
+                "Package": record["package"],
+            },
+        }
