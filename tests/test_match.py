@@ -1,0 +1,216 @@
+"""Matching as a whole: the paper's pseudo-code, agreement of the devices, accuracy on real pairs, wrong input."""
+
+import dataclasses
+
+import cv2
+import numpy as np
+import pytest
+import reference
+from conftest import missing
+
+from stereo_gpu.backends import open_backend
+from stereo_gpu.config import PROFILES, Profile
+from stereo_gpu.disparity_range import find_range
+from stereo_gpu.errors import InputError, MemoryLimitError, PictureError
+from stereo_gpu.images import read_image
+from stereo_gpu.match import match
+from stereo_gpu.types import Validity
+
+
+def textured_pair(width, height, seed=0):
+    """A random texture on a slope and a step, as two pictures, and the disparity on the left view."""
+    rng = np.random.default_rng(seed)
+    disparity = 6 + 8 * np.linspace(0, 1, height)[:, None] + np.zeros((height, width))
+    disparity[height // 4 : height // 2, width // 3 : width // 2] += 12
+    noise = rng.integers(0, 256, (height, width + 64)).astype(np.float32)
+    base = cv2.GaussianBlur(noise, (0, 0), 1.2)
+    base = (base - base.min()) / (base.max() - base.min()) * 255
+    x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
+    right = base[:, :width]
+    left = cv2.remap(base, x - disparity.astype(np.float32), y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT)
+    return left.astype(np.uint8), right.astype(np.uint8), disparity
+
+
+@pytest.mark.parametrize("view", ["left", "right"])
+def test_paper_is_its_pseudo_code(backend, view):
+    left, right, _ = textured_pair(47, 31)
+    left[10:22, 20:35] = right[10:22, 20:35] = 90
+    window, smallest, count = 5, -2, 20
+    found = match(left, right, disparities=(smallest, count), window=window, reference=view, profile="paper", backend=backend.name)
+    centred = [picture.astype(float) - 128 for picture in (left, right)]
+    ours, theirs = centred if view == "left" else centred[::-1]
+    threshold = PROFILES[Profile.PAPER].texture_threshold * window
+    direction = -1 if view == "left" else 1
+    expected = reference.disp_comp(ours, theirs, smallest, count, window // 2, threshold, direction)
+    # The paper writes 0 where nothing correlates, and so does nan_to_num; its median filter sees values alone.
+    hole = np.isnan(found.values)
+    assert (expected[hole] == 0).all()
+    values = np.where(hole, np.nan, expected)
+    np.testing.assert_array_equal(found.values, reference.median(values, PROFILES[Profile.PAPER].median))
+    assert hole.any()
+    assert (found.validity[hole] != 0).all()
+
+
+@pytest.mark.parametrize("view", ["left", "right"])
+def test_devices_agree_on_an_odd_size(view):
+    """Same valid pixels but for 0.1 %, the rest within 1e-3 px."""
+    left, right, truth = textured_pair(631, 479)
+    found = {}
+    for name in ("opencl", "warp:cpu"):
+        try:
+            found[name] = match(left, right, disparities=(0, 48), reference=view, backend=open_backend(name).name)
+        except Exception as error:
+            missing(name, str(error))
+    a, b = (d.values for d in found.values())
+    assert (np.isnan(a) != np.isnan(b)).mean() <= 0.001
+    both = np.isfinite(a) & np.isfinite(b)
+    assert np.abs(a - b)[both].max() <= 1e-3
+    assert both.mean() > 0.9
+    if view == "left":
+        assert np.nanmedian(np.abs(a - truth)) < 0.1
+
+
+def test_reference_views_are_equal_in_every_way():
+    left, right, _ = textured_pair(120, 80)
+    straight = match(left, right, disparities=(0, 40), reference="left")
+    mirrored = match(right[:, ::-1].copy(), left[:, ::-1].copy(), disparities=(0, 40), reference="right")
+    np.testing.assert_array_equal(straight.values, mirrored.values[:, ::-1])
+    np.testing.assert_array_equal(straight.validity, mirrored.validity[:, ::-1])
+
+
+def test_gain_and_offset_change_nothing():
+    left, right, _ = textured_pair(120, 80)
+    dim = (left // 4 * 4) // 2 + 20
+    plain, dimmed = (match(p, right, disparities=(0, 40)) for p in (left // 4 * 4, dim))
+    both = np.isfinite(plain.values) & np.isfinite(dimmed.values)
+    assert both.mean() > 0.85
+    assert np.median(np.abs(plain.values - dimmed.values)[both]) < 1e-3
+
+
+def test_16_bit_grey_and_colour_pictures_match_alike():
+    left, right, _ = textured_pair(120, 80)
+    eight = match(left, right, disparities=(0, 40))
+    deep = match(left.astype(np.uint16) * 16, right.astype(np.uint16) * 16, disparities=(0, 40))
+    colour = match(np.repeat(left[..., None], 3, 2), np.repeat(right[..., None], 3, 2), disparities=(0, 40))
+    np.testing.assert_array_equal(eight.values, colour.values)
+    both = np.isfinite(eight.values) & np.isfinite(deep.values)
+    assert both.mean() > 0.85
+    assert np.median(np.abs(eight.values - deep.values)[both]) < 0.05
+
+
+def test_mask_leaves_pixels_out():
+    left, right, _ = textured_pair(120, 80)
+    mask = np.zeros((80, 120), np.uint8)
+    mask[20:60, 40:100] = 1
+    found = match(left, right, disparities=(0, 40), mask=mask)
+    outside = mask == 0
+    assert np.isnan(found.values[outside]).all()
+    assert (found.validity[outside] == Validity.MASKED).all()
+    assert np.isfinite(found.values[~outside]).mean() > 0.8
+    assert (found.confidence[outside] == 0).all()
+
+
+def test_validity_and_values_tell_the_same():
+    left, right, _ = textured_pair(200, 150)
+    found = match(left, right, disparities=(0, 40))
+    has_value = (found.validity == 0) | (found.validity == Validity.FILLED)
+    np.testing.assert_array_equal(has_value, np.isfinite(found.values))
+    assert 0 <= found.confidence.min() and found.confidence.max() <= 1
+
+
+@pytest.mark.parametrize("shape", [(3, 3), (4, 300), (300, 4)])
+def test_tiny_pictures(shape):
+    rng = np.random.default_rng(1)
+    left, right = (rng.integers(0, 256, shape, np.uint8) for _ in range(2))
+    found = match(left, right, disparities=(-2, 5), window=31)
+    assert found.values.shape == shape
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"disparities": (0, 0)}, "empty range"),
+        ({"disparities": (5000, 10)}, "lies outside"),
+        ({"disparities": (0, 100_000)}, "at most 8192"),
+        ({"disparities": "wide"}, "auto"),
+        ({"window": 8}, "odd"),
+        ({"window": 33}, "3 to 31"),
+        ({"profile": "slow"}, "paper, fast"),
+        ({"reference": "top"}, "left or right"),
+        ({"mask": np.ones((3, 3), np.uint8)}, "mask"),
+    ],
+)
+def test_wrong_options_get_one_line(options, said):
+    left, right, _ = textured_pair(60, 40)
+    with pytest.raises(InputError, match=said) as caught:
+        match(left, right, **options)
+    assert "\n" not in str(caught.value)
+
+
+def test_wrong_pictures_get_one_line():
+    left, right, _ = textured_pair(60, 40)
+    for wrong in (right[:, :-1].copy(), right.astype(np.float32), right[:1, :1]):
+        with pytest.raises(PictureError) as caught:
+            match(left, wrong)
+        assert "\n" not in str(caught.value)
+
+
+def test_too_large_a_volume_is_refused_before_it_is_taken(monkeypatch):
+    left, right, _ = textured_pair(60, 40)
+    device = open_backend()
+    monkeypatch.setattr(type(device), "available_bytes", lambda self: (300_000, 300_000))
+    with pytest.raises(MemoryLimitError, match=r"needs [\d,]+ bytes.*300,000.*profile fast"):
+        match(left, right, profile="paper")
+
+
+# Bad-1.0 in percent, no value counted as bad, and among the pixels that have one. OpenCV's SGBM (HH) has 10.0 and 4.7.
+REAL = {"teddy": ("im2.png", "im6.png", 4, 64, 13.0, 10.0), "tsukuba": ("im3.png", "im4.png", 16, 24, 11.0, 8.0)}
+
+
+@pytest.mark.parametrize("name", REAL)
+def test_accuracy_on_middlebury(data, name):
+    left_name, right_name, scale, count, dense_limit, given_limit = REAL[name]
+    folder = data / "stereo" / name
+    left, right = read_image(folder / left_name), read_image(folder / right_name)
+    truth = cv2.imread(str(folder / "groundtruth.png"), 0) / scale
+    counted = (cv2.imread(str(folder / "nonocc.png"), 0) == 255) & (truth > 0)
+    found = match(left, right, disparities=(0, count), reference="left").values
+    wrong, given = np.abs(found - truth) > 1, np.isfinite(found)
+    assert 100 * (wrong | ~given)[counted].mean() <= dense_limit
+    assert 100 * wrong[counted & given].mean() <= given_limit
+
+
+@pytest.mark.parametrize(
+    ("name", "left_name", "right_name", "scale"),
+    [
+        ("teddy", "im2.png", "im6.png", 4),
+        ("tsukuba", "im3.png", "im4.png", 16),
+        ("aloe_light", "left.png", "right.png", 256),
+        ("aloe_light", "left.png", "right_exposure.png", 256),
+        ("aloe_light", "left.png", "right_light.png", 256),
+    ],
+)
+def test_auto_range_holds_the_truth(data, name, left_name, right_name, scale):
+    folder = data / "stereo" / name
+    left, right = read_image(folder / left_name), read_image(folder / right_name)
+    truth = cv2.imread(str(folder / "groundtruth.png"), -1 if scale == 256 else 0) / scale
+    everywhere = np.ones(left.shape[:2], np.uint8)
+    smallest, count = find_range(open_backend(), left, right, everywhere, everywhere)
+    assert smallest <= truth[truth > 0].min()
+    assert smallest + count >= truth.max()
+
+
+def test_auto_range_finds_negative_disparities():
+    left, right, _ = textured_pair(300, 200)
+    shifted = np.roll(right, 30, axis=1)
+    smallest, count = find_range(open_backend(), left, shifted, np.ones_like(left), np.ones_like(left))
+    assert smallest < -20
+    assert smallest + count < 30
+
+
+def test_options_are_recorded():
+    left, right, _ = textured_pair(60, 40)
+    found = match(left, right, disparities=(0, 30), window=9)
+    assert found.options == {"profile": "fast", **dataclasses.asdict(PROFILES[Profile.FAST]), "window": 9}
+    assert found.backend == open_backend().name
+    assert set(found.seconds) == {"norms", "correlation", "refinement"}
