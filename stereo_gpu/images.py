@@ -110,11 +110,12 @@ def check_pair(left: Picture, right: Picture) -> None:
 
 
 def grey(picture: Picture) -> Bytes:
-    """(H, W) uint8 from any picture; 16 bits are stretched so that the brightest value is 255."""
+    """(H, W) uint8 from any picture; 16 bits are stretched so that the bright end is 255."""
     flat = picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
     if flat.dtype == np.uint16:
         # Many cameras put 10 or 12 bits into 16: dividing by 256 would leave a nearly black picture.
-        flat = cv2.convertScaleAbs(flat, alpha=255.0 / max(1, int(flat.max())))
+        bright = float(np.percentile(flat[::4, ::4], 99.9))
+        flat = cv2.convertScaleAbs(flat, alpha=255.0 / max(1.0, bright))
     result: Bytes = np.ascontiguousarray(flat)
     return result
 
