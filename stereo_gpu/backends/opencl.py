@@ -172,12 +172,10 @@ def _devices() -> list[cl.Device]:
 
 def _status(device: cl.Device) -> DeviceStatus:
     label = f"{device.name.strip()} ({device.platform.name.strip()})"
-    reason = remedy = ""
     if not (device.available and device.compiler_available):
         reason, remedy = "the driver says that it is not available", "reinstall the driver"
-    elif pocl.is_unknown_processor(device) and not pocl.name_processor(device):
-        reason = "this PoCL does not know this processor and would refuse every kernel"
-        remedy = "pip install intel-opencl-rt, or a newer pocl-opencl-icd from the distribution"
+    else:
+        reason, remedy = pocl.obstacle(device)
     return DeviceStatus(f"opencl:{device.name.strip()}", label, _kind(device), reason, remedy)
 
 

@@ -1,4 +1,4 @@
-"""Make PoCL 3.0 compile on processors that are newer than its LLVM 14.
+"""What PoCL needs to build kernels, and how PyPI's PoCL 3.0 gets to know processors newer than its LLVM 14.
 
 PoCL asks LLVM for the processor's name. For one that LLVM does not know the answer is "generic", which clang
 then refuses as a target ("unknown target CPU 'generic'", pocl issue 1049), so that PyPI's PoCL builds no kernel
@@ -9,6 +9,7 @@ process; writing a known older processor of the same seven letters over it mends
 from __future__ import annotations
 
 import ctypes
+import shutil
 from pathlib import Path
 
 import pyopencl as cl
@@ -19,13 +20,22 @@ _TARGETS = (("avx2", b"haswell\0"), ("sse4_2", b"nehalem\0"))
 _RECORD_BYTES = 4096  # the name's address stands 640 bytes into the record of PoCL 3.0; others may differ
 
 
-def is_unknown_processor(device: cl.Device) -> bool:
-    """Whether this is a PoCL device on x86-64 Linux whose processor its LLVM does not know."""
-    named_generic = str(device.version).endswith("x86_64-unknown-linux-gnu-generic")
-    return named_generic and device.platform.name == "Portable Computing Language"
+def obstacle(device: cl.Device) -> tuple[str, str]:
+    """What keeps PoCL from building kernels here, and the command that would mend it; empty where nothing does.
+
+    A processor that PoCL does not know is given a name on the way.
+    """
+    if device.platform.name != "Portable Computing Language":
+        return "", ""
+    if shutil.which("ld") is None:
+        return "PoCL links each kernel with the linker ld, which is not installed", "apt-get install binutils"
+    if device.version.endswith("x86_64-unknown-linux-gnu-generic") and not _name_processor(device):
+        reason = "this PoCL does not know this processor and would refuse every kernel"
+        return reason, "apt-get install pocl-opencl-icd, or use another OpenCL driver"
+    return "", ""
 
 
-def name_processor(device: cl.Device) -> bool:
+def _name_processor(device: cl.Device) -> bool:
     """Give the device a processor that LLVM knows; False where the record is not as expected.
 
     Only memory that this process may write is read or written, and only a string that reads "generic".
