@@ -129,7 +129,7 @@ def match_on(
     ours, theirs = views if reference is View.LEFT else views[::-1]
     direction = 1 if reference is View.RIGHT else -1
     with watch.step("correlation"):
-        found, other = _correlate(backend, ours, theirs, smallest, disparities, direction, options)
+        found, other = correlate(backend, ours, theirs, smallest, disparities, direction, options)
         backend.finish()
     with watch.step("refinement"):
         values, validity = refine(
@@ -237,7 +237,7 @@ def check_match_memory(backend: Backend, width: int, height: int, disparities: i
     backend.check_memory(needed, largest, remedy)
 
 
-def _correlate(
+def correlate(
     backend: Backend,
     ours: DeviceView,
     theirs: DeviceView,
