@@ -1,0 +1,40 @@
+"""Write models, clouds and disparity maps as files that other programs open.
+
+Every file is written whole or not at all. All models have y up, z towards the viewer and the left camera at the
+origin; the GLB is in metres, as glTF demands, all others stay in the pair's unit.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from stereo_gpu.export_gltf import write_glb
+from stereo_gpu.export_obj import write_obj
+from stereo_gpu.export_ply import write_ply
+from stereo_gpu.export_vtp import write_vtp
+from stereo_gpu.pfm import read_pfm, write_pfm
+from stereo_gpu.types import Mesh
+
+__all__ = ["export_model", "read_pfm", "write_glb", "write_obj", "write_pfm", "write_ply", "write_vtp"]
+
+
+def export_model(directory: str | os.PathLike[str], mesh: Mesh) -> list[Path]:
+    """Write a mesh in every format: model.glb, model.obj with model.mtl and model.png, surface.vtp.
+
+    Args:
+        directory: an existing folder.
+        mesh: the textured mesh.
+
+    Returns:
+        The paths written.
+
+    Raises:
+        InputError: the mesh cannot be written, or the folder cannot.
+    """
+    folder = Path(directory)
+    return [
+        write_glb(folder / "model.glb", mesh),
+        *write_obj(folder / "model.obj", mesh),
+        write_vtp(folder / "surface.vtp", mesh),
+    ]

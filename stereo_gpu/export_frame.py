@@ -1,0 +1,44 @@
+"""What the writers of models share: a viewer's axes, units, and the texture as PNG."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from stereo_gpu.errors import InputError
+from stereo_gpu.types import Bytes, Floats, Mesh
+
+METRES_PER_UNIT = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
+
+
+def to_viewer(points: Floats) -> Floats:
+    """Turn (..., 3) from camera axes (x right, y down, z forward) to y up and z towards the viewer."""
+    return np.asarray(points * np.array([1, -1, -1], np.float32), np.float32)
+
+
+def encode_png(picture: Bytes) -> bytes:
+    """The bytes of a PNG file of an (H, W, 3) RGB picture."""
+    # Level 3 takes a tenth of the time of level 9 and 5 % more room on photos.
+    _, data = cv2.imencode(".png", picture[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 3])
+    return data.tobytes()
+
+
+def check_mesh(mesh: Mesh) -> None:
+    """Refuse a mesh that no file could hold.
+
+    Raises:
+        InputError: the unit is unknown, an array's shape does not fit, or a vertex is not finite.
+    """
+    if mesh.unit not in METRES_PER_UNIT:
+        raise InputError(f"unknown unit {mesh.unit!r} of a mesh: pass one of {', '.join(METRES_PER_UNIT)}")
+    count = len(mesh.vertices)
+    shapes = {"vertices": (count, 3), "faces": (len(mesh.faces), 3), "uv": (count, 2)}
+    for name, shape in shapes.items():
+        if getattr(mesh, name).shape != shape:
+            raise InputError(f"{name} of a mesh has shape {getattr(mesh, name).shape}: pass {shape}")
+    if mesh.texture.ndim != 3 or mesh.texture.shape[2] != 3 or mesh.texture.dtype != np.uint8:
+        raise InputError(f"the texture is {mesh.texture.dtype} of shape {mesh.texture.shape}: pass uint8 (S, T, 3)")
+    if not len(mesh.faces) or not (np.isfinite(mesh.vertices).all() and np.isfinite(mesh.uv).all()):
+        raise InputError(f"a mesh of {len(mesh.faces)} faces has none or is not finite: build it again")
+    if mesh.faces.min() < 0 or mesh.faces.max() >= count:
+        raise InputError(f"faces name vertices {mesh.faces.min()} to {mesh.faces.max()} of {count}: build it again")
