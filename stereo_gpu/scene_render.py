@@ -153,7 +153,8 @@ def _board_over(scene: Scene, side: int, pose: tuple[Doubles, Doubles], rays: Fl
     soft_x, soft_y = (np.hypot(*np.gradient(part)) / 2 for part in (x, y))
     board_x = _inside(x, -square, (columns - 1) * square, soft_x)
     board_y = _inside(y, -square, (rows - 1) * square, soft_y)
-    black = board_x * board_y * (1 + _stripes(x, square, soft_x) * _stripes(y, square, soft_y)) / 2
+    stripes = _stripes(x, square, columns - 1, soft_x) * _stripes(y, square, rows - 1, soft_y)
+    black = board_x * board_y * (1 + stripes) / 2
     paper = _inside(x, low[0], high[0], soft_x) * _inside(y, low[1], high[1], soft_y)
     share_paper, share_black = np.split(_average(np.stack([paper, black], axis=-1)), 2, axis=-1)
     # paper turned towards the lamp is brighter
@@ -173,9 +174,9 @@ def _inside(x: Floats, low: float, high: float, soft: Floats) -> Floats:
     return np.asarray(np.clip((np.minimum(x - low, high - x) / soft + 1) / 2, 0, 1))
 
 
-def _stripes(x: Floats, width: float, soft: Floats) -> Floats:
-    """Stripes of +1 from 0 to `width`, then -1 and so on, averaged over `soft` to both sides of x."""
-    edge = np.rint(x / width)
+def _stripes(x: Floats, width: float, edges: int, soft: Floats) -> Floats:
+    """+1, -1 by turns, changing at 0, `width` and so on, `edges` times, averaged over `soft` to both sides of x."""
+    edge = np.clip(np.rint(x / width), 0, edges - 1)
     sign = 1 - 2 * (edge % 2)
     return np.asarray(sign * np.clip((x - edge * width) / soft, -1, 1), np.float32)
 
