@@ -1,0 +1,150 @@
+import json
+
+import numpy as np
+import pytest
+from surfaces import CENTRE, ball, normals, plane, seen, signed_areas, triangulated
+
+from stereo_gpu.decimate import decimate
+from stereo_gpu.errors import InputError, StageError
+from stereo_gpu.mesh import build_mesh
+
+
+def build(depth, **options):
+    return build_mesh(*triangulated(depth), centre=CENTRE, **options)
+
+
+def grid(values):
+    """A disparity map of these few values, with points at a fixed depth so that only the values matter."""
+    values = np.array(values, np.float32)
+    _, points = triangulated(np.full(values.shape, 500.0))
+    return values, points
+
+
+def test_plane_is_one_sheet_that_faces_the_cameras():
+    surface = build(plane(41, 63))
+    assert surface.vertices.dtype == np.float32 and surface.faces.dtype == np.int32
+    assert surface.vertices.shape == (41 * 63, 3)
+    assert surface.faces.shape == (2 * 40 * 62, 3)
+    # Counter-clockwise as seen: negative with y down, and each triangle is half a pixel.
+    np.testing.assert_allclose(signed_areas(seen(surface.vertices), surface.faces), -0.5, atol=1e-2)
+    normal = normals(surface.vertices, surface.faces)
+    assert (normal[:, 2] < 0).all()
+    assert (normal @ normal[0] > 0.999).all()
+
+
+def test_no_triangle_joins_the_ball_to_the_wall():
+    surface = build(ball(), min_angle_deg=0)
+    depth = surface.vertices[surface.faces][..., 2]
+    on_wall = depth > 1400
+    assert (on_wall.all(axis=1) | ~on_wall.any(axis=1)).all()
+    assert on_wall.any() and not on_wall.all()
+
+
+def test_the_diagonal_with_the_smaller_step_is_taken():
+    values, points = grid([[10.0, 10.9], [9.5, 10.1]])
+    falling = build_mesh(values, points, min_faces=1).faces
+    assert all({0, 3} <= set(face) for face in falling.tolist())
+    rising = build_mesh(values[:, ::-1], points, min_faces=1).faces
+    assert all({1, 2} <= set(face) for face in rising.tolist())
+
+
+@pytest.mark.parametrize("missing", [(0, 0), (0, 1), (1, 0), (1, 1)])
+def test_three_corners_make_one_triangle(missing):
+    values, points = grid([[10.0, 10.0], [10.0, 10.0]])
+    values[missing] = np.nan
+    surface = build_mesh(values, points, min_faces=1)
+    assert surface.faces.shape == (1, 3) and surface.vertices.shape == (3, 3)
+    assert normals(surface.vertices, surface.faces)[0, 2] < 0
+
+
+def test_one_value_apart_leaves_the_other_three_joined():
+    values, points = grid([[10.0, 10.0], [10.0, 20.0]])
+    assert len(build_mesh(values, points, min_faces=1).vertices) == 3
+
+
+def test_crumbs_go_and_pieces_stay():
+    depth = plane(40, 60)
+    hole = np.full(depth.shape, np.nan)
+    hole[2:12, 2:12] = depth[2:12, 2:12]  # 162 triangles
+    hole[20:24, 20:24] = depth[20:24, 20:24]  # 18
+    assert len(build(hole, min_faces=18).faces) == 180
+    assert len(build(hole, min_faces=19).faces) == 162
+    with pytest.raises(StageError, match="none make a piece of 163 triangles"):
+        build(hole, min_faces=163)
+
+
+def test_pieces_are_those_that_a_search_finds():
+    rng = np.random.default_rng(3)
+    values, points = grid(rng.uniform(10, 13, (23, 31)))
+    values[rng.random(values.shape) < 0.2] = np.nan
+    every = build_mesh(values, points, min_faces=1)
+    # Plain search: join the corners of each face until nothing changes.
+    label = np.arange(len(every.vertices))
+    while True:
+        lowest = label[every.faces].min(axis=1)
+        new = label.copy()
+        for face, low in zip(every.faces, lowest, strict=True):
+            new[face] = np.minimum(new[face], low)
+        if (new == label).all():
+            break
+        label = new
+    sizes = np.bincount(label[every.faces[:, 0]])
+    assert len(np.unique(label)) > 5
+    for least in (2, 5, 20):
+        kept = build_mesh(values, points, min_faces=least)
+        assert len(kept.faces) == sizes[sizes >= least].sum()
+
+
+def test_points_without_meaning_are_left_out():
+    depth = plane(40, 60)
+    values, points = triangulated(depth)
+    points[5, 5, 2] = 1e7
+    points[9, 9, 2] = -800
+    points[13, 13, 0] = np.inf
+    values[17, 17] = np.inf
+    surface = build_mesh(values, points, centre=CENTRE)
+    assert len(surface.vertices) == depth.size - 4
+    assert np.isfinite(surface.vertices).all() and np.abs(surface.vertices).max() < 2000
+
+
+def test_slivers_seen_edge_on_are_dropped():
+    depth = plane(40, 60, tilt=0)
+    depth[:, 30:] = np.maximum(depth[:, 30:] - 60 * np.arange(30), 300)  # steep: 60 mm in about 2 mm
+    steep = build(depth, max_jump_px=100, min_angle_deg=5, min_faces=1)
+    loose = build(depth, max_jump_px=100, min_angle_deg=0, min_faces=1)
+    assert len(loose.faces) == 2 * 39 * 59
+    cosine = np.abs(normals(steep.vertices, steep.faces)[:, 2])
+    assert len(steep.faces) < len(loose.faces) and cosine.min() > np.sin(np.radians(4))
+
+
+@pytest.mark.parametrize("option", [{"max_jump_px": 0}, {"min_angle_deg": 90}, {"farthest": 0.5}])
+def test_options_out_of_range(option):
+    with pytest.raises(InputError, match=next(iter(option))):
+        build(plane(), **option)
+
+
+def test_nothing_to_mesh():
+    values, points = triangulated(plane())
+    with pytest.raises(StageError, match="widen the disparity range"):
+        build_mesh(np.full_like(values, np.nan), points)
+    with pytest.raises(InputError, match="do not fit"):
+        build_mesh(values[1:], points)
+
+
+def test_motorcycle_in_millimetres(data):
+    """Middlebury's truth, meshed and decimated to a thirtieth, is still that truth."""
+    folder = data / "stereo" / "motorcycle"
+    calibration = json.loads((folder / "calib.json").read_text())
+    focal, cx, cy = calibration["focal_px"], calibration["cx0"], calibration["cy"]
+    with np.load(folder / "motorcycle_disp.npz") as file:
+        truth = np.where(np.isfinite(file["arr_0"]), file["arr_0"], np.nan).astype(np.float32)
+    depth = calibration["baseline_mm"] * focal / (truth + calibration["doffs_px"])
+    x, y = np.meshgrid(np.arange(truth.shape[1]), np.arange(truth.shape[0]))
+    points = np.stack([(x - cx) * depth / focal, (y - cy) * depth / focal, depth], axis=-1).astype(np.float32)
+    surface = decimate(build_mesh(truth, points), 20_000)
+    assert 19_000 < len(surface.faces) <= 20_000
+    column, row = (np.rint(surface.vertices[:, i] / surface.vertices[:, 2] * focal + c) for i, c in ((0, cx), (1, cy)))
+    column = np.clip(column.astype(int), 0, truth.shape[1] - 1)
+    error = np.abs(depth[np.clip(row.astype(int), 0, truth.shape[0] - 1), column] / surface.vertices[:, 2] - 1)
+    assert np.nanmedian(error) < 0.002
+    assert surface.vertices[:, 2].min() > 1500 and surface.vertices[:, 2].max() < 10_000
