@@ -118,7 +118,8 @@ def survey_boards(pictures: Iterable[Picture]) -> Counter[tuple[int, int]]:
     seen: Counter[tuple[int, int]] = Counter()
     for picture in pictures:
         # Starting from 3 x 3 corners, the finder grows the board as far as it goes and says how far that was.
-        found, _, meta = cv2.findChessboardCornersSBWithMeta(_shrunk(grey(picture)), (3, 3), cv2.CALIB_CB_LARGER)
+        flat, flags = _shrunk(grey(picture)), cv2.CALIB_CB_LARGER | cv2.CALIB_CB_NORMALIZE_IMAGE
+        found, _, meta = cv2.findChessboardCornersSBWithMeta(flat, (3, 3), flags)
         if found and meta is not None:
             seen[max(meta.shape[:2]) + 1, min(meta.shape[:2]) + 1] += 1
     return seen

@@ -52,9 +52,7 @@ class Camera:
             if value <= 0:
                 raise InputError(f"matrix has focal length {name} = {value:g}: it must be above zero; {MEND}")
         if matrix[1, 0] != 0 or matrix[2].tolist() != [0, 0, 1]:
-            raise InputError(
-                f"matrix must read fx s cx / 0 fy cy / 0 0 1, but has {matrix[1:].tolist()}; {MEND}"
-            )
+            raise InputError(f"matrix must read fx s cx / 0 fy cy / 0 0 1, but has {matrix[1:].tolist()}; {MEND}")
         if matrix[0, 1] != 0:
             raise InputError(f"matrix has skew {matrix[0, 1]:g}: only cameras without skew are supported")
         object.__setattr__(self, "matrix", matrix)
@@ -69,7 +67,7 @@ class ViewError:
 
     Args:
         left, right: names of the two pictures.
-        left_px, right_px: rms reprojection error with the final rig; None where no board was found.
+        left_px, right_px: rms reprojection error with the final rig; None where the pair is not used.
         epipolar_px: rms distance of its corners from their epipolar lines.
         used: whether the pair counts in the calibration.
         reason: why it was left out; empty where it is used.
@@ -159,9 +157,7 @@ class Rig:
             "T": self.T.tolist(),
             "rms_px": self.rms_px,
             "epipolar_rms_px": self.epipolar_rms_px,
-            "views": [
-                {field.name: getattr(view, field.name) for field in fields(view)} for view in self.views
-            ],
+            "views": [{field.name: getattr(view, field.name) for field in fields(view)} for view in self.views],
         }
         return write_whole(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
 
@@ -181,13 +177,9 @@ class Rig:
 
 def _rig(content: dict[str, Any]) -> Rig:
     if content.get("format") != FORMAT:
-        raise InputError(
-            f"format is {content.get('format')!r:.60}, not {FORMAT!r}: is this the file of a rig?"
-        )
+        raise InputError(f"format is {content.get('format')!r:.60}, not {FORMAT!r}: is this the file of a rig?")
     if content.get("version") != VERSION:
-        raise InputError(
-            f"version is {content.get('version')!r:.60}, this program reads {VERSION}: update it"
-        )
+        raise InputError(f"version is {content.get('version')!r:.60}, this program reads {VERSION}: update it")
     views = _field(content, "views")
     if not isinstance(views, list):
         raise InputError(f"views is {views!r:.60}: it must be a list")
@@ -264,9 +256,7 @@ def _size(value: object) -> tuple[int, int]:
     width, height = _array("size", value, (2,))
     for side in (width, height):
         if not (side == int(side) and 1 <= side <= LARGEST_SIDE):
-            raise InputError(
-                f"size is {value!r:.60}: width and height must be 1 to {LARGEST_SIDE} px; {MEND}"
-            )
+            raise InputError(f"size is {value!r:.60}: width and height must be 1 to {LARGEST_SIDE} px; {MEND}")
     return int(width), int(height)
 
 
@@ -291,7 +281,5 @@ def _read_json(path: Path) -> dict[str, Any]:
     except (UnicodeDecodeError, RecursionError, ValueError) as error:
         raise InputError(f"{path} is not JSON ({type(error).__name__}): is this the file of a rig?") from None
     if not isinstance(content, dict):
-        raise InputError(
-            f"{path} holds a {type(content).__name__}, not an object: is this the file of a rig?"
-        )
+        raise InputError(f"{path} holds a {type(content).__name__}, not an object: is this the file of a rig?")
     return content

@@ -1,0 +1,161 @@
+"""Pairs of board pictures: read, searched for the board, and told apart from pictures of another board."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections import Counter
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from stereo_gpu.board import Board, find_board, survey_boards
+from stereo_gpu.errors import CalibrationError, InputError, PictureError
+from stereo_gpu.images import check_picture, read_image
+from stereo_gpu.types import Floats, Picture
+
+FEWEST_PAIRS = 3
+SURVEYED_PAIRS = 6  # looked at first, for boards of any size, so that a wrong count shows early
+
+Source = str | os.PathLike[str] | Picture
+Progress = Callable[[int, int], None]
+
+logger = logging.getLogger(__name__)
+
+
+@dataclass
+class BoardPair:
+    """One board pair on its way through the calibration.
+
+    Args:
+        names: of the left and the right picture.
+        corners: (N, 2) px of the left and the right view; None where no board was found.
+        reason: why the pair is left out; empty while it is in.
+    """
+
+    names: tuple[str, str]
+    corners: list[Floats | None] = field(default_factory=list)
+    reason: str = ""
+
+    def drop(self, reason: str) -> None:
+        """Leave the pair out."""
+        self.reason = reason
+        logger.info("%s and %s left out: %s", *self.names, reason)
+
+
+def find_pairs(
+    left: Sequence[Source], right: Sequence[Source], board: Board, progress: Progress | None
+) -> tuple[list[BoardPair], list[tuple[int, int]]]:
+    """Find the board in every picture, with one picture in memory at a time.
+
+    Returns:
+        Every pair, in the order given, and the size (width, height) of the left and the right pictures.
+
+    Raises:
+        InputError: the lists do not fit each other.
+        PictureError: a picture cannot be read, or differs in size from the others of its camera.
+        CalibrationError: too few pairs show the board; the message says which board they show instead.
+    """
+    sources = _named("left", left), _named("right", right)
+    count = len(sources[0])
+    if count != len(sources[1]):
+        raise InputError(
+            f"{count} left pictures but {len(sources[1])} right ones: give one right picture for each left one,"
+            " in the same order"
+        )
+    if count < FEWEST_PAIRS:
+        raise CalibrationError(f"{count} pairs: a calibration needs {FEWEST_PAIRS} or more, better 15")
+    first = np.unique(np.linspace(0, count - 1, SURVEYED_PAIRS).astype(int)).tolist()
+    sizes: list[tuple[int, int]] = []
+    survey: Counter[tuple[int, int]] = Counter()
+    pairs: dict[int, BoardPair] = {}
+    for number in [*first, *(other for other in range(count) if other not in first)]:
+        pair = pairs[number] = BoardPair((sources[0][number][0], sources[1][number][0]))
+        for side in (0, 1):
+            name, source = sources[side][number]
+            picture = _read(name, source)
+            size = (picture.shape[1], picture.shape[0])
+            if len(sizes) <= side:
+                sizes.append(size)
+            if size != sizes[side]:
+                raise PictureError(
+                    f"{name} is {size[0]} x {size[1]} px, the {('left', 'right')[side]} ones before were"
+                    f" {sizes[side][0]} x {sizes[side][1]}: take all pictures of a camera in one size"
+                )
+            pair.corners.append(find_board(picture, board))
+            if number in first:
+                survey.update(survey_boards([picture]))
+            if progress is not None:
+                progress(2 * len(pairs) - 1 + side, 2 * count)
+        blank = [view for view, corners in zip(("left", "right"), pair.corners, strict=True) if corners is None]
+        if blank:
+            pair.drop(f"no whole board in the {' and the '.join(blank)} picture")
+        if len(pairs) == len(first):
+            _refuse_other_board([pairs[number] for number in first], survey, board)
+    found = [pairs[number] for number in range(count)]
+    _refuse_too_few(found, survey, board)
+    return found, sizes
+
+
+def _named(side: str, sources: Sequence[Source]) -> list[tuple[str, Source]]:
+    if isinstance(sources, str | os.PathLike | np.ndarray):
+        raise InputError(f"{side} is a single picture: give a list of at least {FEWEST_PAIRS}")
+    return [
+        (Path(source).name if isinstance(source, str | os.PathLike) else f"{side} {number}", source)
+        for number, source in enumerate(sources, 1)
+    ]
+
+
+def _read(name: str, source: Source) -> Picture:
+    if isinstance(source, str | os.PathLike):
+        return read_image(source)
+    check_picture(name, source)
+    return source
+
+
+def _common(survey: Counter[tuple[int, int]]) -> tuple[int, int] | None:
+    """The size of board that most of the surveyed pictures show, if there is one."""
+    [(size, often)] = survey.most_common(1) or [((0, 0), 0)]
+    return size if often >= 2 and often > sum(survey.values()) / 2 else None
+
+
+def _refuse_other_board(pairs: list[BoardPair], survey: Counter[tuple[int, int]], board: Board) -> None:
+    """Stop early if the pictures show another board, of which this one may be a part."""
+    given = max(board.columns, board.rows), min(board.columns, board.rows)
+    seen = _common(survey)
+    if seen is None or seen == given:
+        return
+    nowhere = all(corners is None for pair in pairs for corners in pair.corners)
+    # The finders find a part of a board, too, but not the same part in both cameras.
+    part = seen[0] >= given[0] and seen[1] >= given[1]
+    if nowhere or part:
+        raise CalibrationError(_other(board, seen))
+
+
+def _refuse_too_few(pairs: list[BoardPair], survey: Counter[tuple[int, int]], board: Board) -> None:
+    usable = sum(not pair.reason for pair in pairs)
+    if usable >= FEWEST_PAIRS:
+        return
+    given = max(board.columns, board.rows), min(board.columns, board.rows)
+    seen = _common(survey)
+    if seen is not None and seen != given:
+        raise CalibrationError(_other(board, seen))
+    boards = sum(corners is not None for pair in pairs for corners in pair.corners)
+    raise CalibrationError(
+        f"{usable} of {len(pairs)} pairs show a whole board of {_told(board)} in both pictures ({boards} of"
+        f" {2 * len(pairs)} pictures do), {FEWEST_PAIRS} are needed: give the squares as printed, and take"
+        " pictures that show all of them"
+    )
+
+
+def _told(board: Board) -> str:
+    return f"{board} squares ({board.corners[0]}x{board.corners[1]} inner corners)"
+
+
+def _other(board: Board, seen: tuple[int, int]) -> str:
+    return (
+        f"looked for a board of {_told(board)}, found {seen[0] - 1}x{seen[1] - 1} inner corners ="
+        f" {seen[0]}x{seen[1]} squares: say {seen[0]}x{seen[1]}"
+    )
