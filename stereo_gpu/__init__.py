@@ -1,1 +1,49 @@
-"""Two cameras in, a textured metric 3-D model out, on any GPU or none."""
+"""Two cameras in, a textured metric 3-D model out, on any GPU or none.
+
+    import stereo_gpu as sg
+    rig = sg.calibrate(left_paths, right_paths, sg.Board(10, 7, 30.0))
+    sg.reconstruct("left.png", "right.png", rig).save("out")
+
+Conventions stand in `stereo_gpu.types`, errors in `stereo_gpu.errors`.
+"""
+
+from stereo_gpu.backends import DeviceStatus, devices
+from stereo_gpu.board import Board
+from stereo_gpu.calibrate import calibrate
+from stereo_gpu.check import PairCheck, check_rectified
+from stereo_gpu.config import MeshOptions
+from stereo_gpu.errors import StereoError
+from stereo_gpu.images import read_image
+from stereo_gpu.match import match
+from stereo_gpu.pipeline import reconstruct, reconstruct_rectified
+from stereo_gpu.rectify import rectify
+from stereo_gpu.result import Reconstruction
+from stereo_gpu.rig import Camera, Rig
+from stereo_gpu.triangulate import triangulate
+from stereo_gpu.types import Disparity, Mesh, RectifiedPair, Surface, Validity, View
+
+__all__ = [
+    "Board",
+    "Camera",
+    "DeviceStatus",
+    "Disparity",
+    "Mesh",
+    "MeshOptions",
+    "PairCheck",
+    "Reconstruction",
+    "RectifiedPair",
+    "Rig",
+    "StereoError",
+    "Surface",
+    "Validity",
+    "View",
+    "calibrate",
+    "check_rectified",
+    "devices",
+    "match",
+    "read_image",
+    "reconstruct",
+    "reconstruct_rectified",
+    "rectify",
+    "triangulate",
+]

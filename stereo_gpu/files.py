@@ -1,9 +1,12 @@
-"""Write a file whole or not at all."""
+"""Write a file, or all files of a folder, whole or not at all."""
 
 from __future__ import annotations
 
 import os
 import secrets
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from stereo_gpu.errors import InputError
@@ -43,6 +46,44 @@ def write_whole(path: str | os.PathLike[str], content: bytes | str) -> Path:
     return path
 
 
+@contextmanager
+def whole_folder(folder: str | os.PathLike[str]) -> Iterator[Path]:
+    """Fill a folder so that it gets all of its new files or none.
+
+    Yields a folder within `folder`, which is made if missing. What is written there moves up when the block ends
+    well, over files of the same names; otherwise it vanishes, and so does every folder that was made for it.
+
+    Raises:
+        InputError: the folder cannot be made or written, or holds a folder of the name of a file.
+    """
+    folder = Path(folder)
+    check_writable(folder)
+    missing = [part for part in (folder, *folder.parents) if not part.exists()]
+    staging = folder / f".{secrets.token_hex(6)}.part"
+    done = False
+    try:
+        try:
+            staging.mkdir(parents=True)
+        except OSError as error:
+            raise _cannot_write(folder, error) from error
+        yield staging
+        written = sorted(staging.iterdir())
+        for file in written:
+            if (folder / file.name).is_dir():
+                raise InputError(
+                    f"cannot write {folder / file.name}: it is a folder; name another folder than {folder}"
+                )
+        for file in written:
+            file.replace(folder / file.name)
+        done = True
+    finally:
+        shutil.rmtree(staging, ignore_errors=True)
+        for part in [] if done else missing:
+            # It may hold something else by now, or not have been made.
+            with suppress(OSError):
+                part.rmdir()
+
+
 def check_writable(folder: str | os.PathLike[str]) -> None:
     """Refuse a folder in which nothing could be written, before any work is done; it need not exist yet.
 
@@ -54,5 +95,28 @@ def check_writable(folder: str | os.PathLike[str]) -> None:
         nearest = nearest.parent
     if not nearest.is_dir():
         raise InputError(f"cannot write to {folder}: {nearest} is a file; name another folder")
-    if not os.access(nearest, os.W_OK | os.X_OK):
-        raise InputError(f"cannot write to {folder}: no permission to write in {nearest}; name another folder")
+    # Permissions do not bind root, and some file systems take nothing whatever they say: only a trial tells.
+    trial = nearest / f".{secrets.token_hex(6)}.part"
+    try:
+        trial.mkdir()
+        trial.rmdir()
+    except OSError as error:
+        raise _cannot_write(Path(folder), error) from error
+
+
+def check_writable_file(path: str | os.PathLike[str]) -> None:
+    """Refuse a file that could not be written, before any work is done.
+
+    Raises:
+        InputError: it is a folder, or its own folder is missing or cannot be written.
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise InputError(f"{path} is a folder: name a file in it")
+    if not path.parent.is_dir():
+        raise InputError(f"cannot write {path}: there is no folder {path.parent}; make it first")
+    check_writable(path.parent)
+
+
+def _cannot_write(folder: Path, error: OSError) -> InputError:
+    return InputError(f"cannot write to {folder}: {error.strerror or error}; name another folder")

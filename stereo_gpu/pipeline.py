@@ -1,48 +1,60 @@
-"""The whole job, a stage a line: from a raw pair and its rig to a textured mesh."""
+"""The whole job, a stage a line: from a raw pair and its rig, or from a rectified pair, to a textured mesh."""
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
+import math
 import os
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from stereo_gpu.backends import open_backend
-from stereo_gpu.check import PairCheck, check_rectified, refuse_swapped
-from stereo_gpu.config import PROFILES, MeshOptions
+from stereo_gpu.advice import find_warnings
+from stereo_gpu.backends import Backend, open_backend
+from stereo_gpu.check import check_rectified, refuse_swapped
+from stereo_gpu.config import MeshOptions
 from stereo_gpu.decimate import decimate
 from stereo_gpu.disparity_range import find_range
 from stereo_gpu.errors import InputError
 from stereo_gpu.fairing import fair
 from stereo_gpu.images import check_pair, read_image
+from stereo_gpu.job import Job, Rectangle, check_against, plan_job
 from stereo_gpu.mask import mask_from_depth, mask_from_rectangle
-from stereo_gpu.match import Range, check_options, check_range, coverage, download_disparity, match_on
-from stereo_gpu.match import parse_profile, parse_view
+from stereo_gpu.match import Range, download_disparity, match_on
 from stereo_gpu.mesh import build_mesh
 from stereo_gpu.prepare import grey_scale
-from stereo_gpu.rectify import check_rig, download_pair, plan_rectification, rectify_on
+from stereo_gpu.rectify import DevicePair, check_rig, download_pair, plan_rectification, rectify_on
 from stereo_gpu.result import Reconstruction
 from stereo_gpu.rig import Rig
 from stereo_gpu.texture import bake_texture, project
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.triangulate import triangulate_on
-from stereo_gpu.types import Bytes, Disparity, Mesh, Picture, Validity, View
-from stereo_gpu.unwrap import Unwrapped, unwrap
+from stereo_gpu.types import Bytes, Disparity, Floats, Mesh, Picture, RectifiedPair, Validity, View
+from stereo_gpu.unwrap import unwrap
 
-STAGES = ("read", "rectify", "check", "mask", "range", "match", "triangulate", "mesh", "decimate", "smooth", "unwrap", "texture")
+STAGES = (
+    "read",
+    "rectify",
+    "check",
+    "mask",
+    "range",
+    "match",
+    "triangulate",
+    "mesh",
+    "decimate",
+    "smooth",
+    "unwrap",
+    "texture",
+)
 
-LARGE_VERTICAL_PX = 0.5  # rows that differ by more cost matches
-LOW_COVERAGE = 0.5
-RANGE_HIT = 0.02  # share of the winners at either end of the range that says the range is too small
+Source = Picture | str | os.PathLike[str]
 
 
 def reconstruct(
-    left: Picture | str | os.PathLike[str],
-    right: Picture | str | os.PathLike[str],
+    left: Source,
+    right: Source,
     rig: Rig,
     *,
     profile: str = "fast",
@@ -51,7 +63,7 @@ def reconstruct(
     backend: str | None = None,
     window: int | None = None,
     reference: str = "right",
-    rectangle: tuple[int, int, int, int] | None = None,
+    rectangle: Rectangle | None = None,
     depth: tuple[float, float] | None = None,
     mesh: MeshOptions | None = None,
     progress: Callable[[str], None] | None = None,
@@ -61,7 +73,7 @@ def reconstruct(
     Args:
         left, right: the raw pictures, or their files.
         rig: the calibrated pair of cameras.
-        profile: "paper" or "fast".
+        profile: "paper", "fast" or "precise".
         disparities: smallest disparity and how many to search, px, or "auto".
         mask: (H, W) on the rectified reference view, 0 where nothing is wanted.
         backend: where to compute; None takes STEREO_GPU_BACKEND, else the best device.
@@ -81,69 +93,118 @@ def reconstruct(
         BackendError: the device is missing, too small or fails.
         StageError: nothing was left to make a mesh of.
     """
-    view, chosen, options = parse_view(reference), parse_profile(profile), PROFILES[parse_profile(profile)]
-    if window is not None:
-        options = dataclasses.replace(options, window=window)
-    check_options(options)
-    mesh = mesh or MeshOptions()
+    job = plan_job(profile, disparities, mask, window, reference, rectangle, depth, mesh)
     device = open_backend(backend)
     watch = Stopwatch(progress)
-
     with watch.step("read"):
-        inputs = {name: _describe(given) for name, given in (("left", left), ("right", right))}
         raw_left, raw_right = _read(left), _read(right)
+        inputs = {"left": _describe(left), "right": _describe(right)}
         check_pair(raw_left, raw_right)
         check_rig(raw_left, rig)
+        check_against(job, raw_left)
     with watch.step("rectify"):
         plan = plan_rectification(rig)
         held = rectify_on(device, raw_left, raw_right, rig, plan)
         pair = download_pair(device, held, plan)
+    return _from_rectified(job, device, watch, pair, held, raw_left, raw_right, inputs)
+
+
+def reconstruct_rectified(
+    pair: RectifiedPair,
+    *,
+    profile: str = "fast",
+    disparities: Range = "auto",
+    mask: Bytes | None = None,
+    backend: str | None = None,
+    window: int | None = None,
+    reference: str = "right",
+    rectangle: Rectangle | None = None,
+    depth: tuple[float, float] | None = None,
+    mesh: MeshOptions | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Reconstruction:
+    """Reconstruct a pair that is rectified already, such as Middlebury's; see `RectifiedPair.from_geometry`.
+
+    Arguments, result and errors are those of `reconstruct`; the raw pictures of the result are the pair's own.
+    """
+    job = plan_job(profile, disparities, mask, window, reference, rectangle, depth, mesh)
+    device = open_backend(backend)
+    watch = Stopwatch(progress)
+    with watch.step("read"):
+        inputs = {"left": _describe(pair.left), "right": _describe(pair.right)}
+        check_pair(pair.left, pair.right)
+        check_against(job, pair.left)
+        held = DevicePair(
+            left=device.upload(pair.left),
+            right=device.upload(pair.right),
+            valid_left=device.upload(pair.valid_left),
+            valid_right=device.upload(pair.valid_right),
+        )
+    return _from_rectified(job, device, watch, pair, held, pair.left, pair.right, inputs)
+
+
+def _from_rectified(
+    job: Job,
+    device: Backend,
+    watch: Stopwatch,
+    pair: RectifiedPair,
+    held: DevicePair,
+    raw_left: Picture,
+    raw_right: Picture,
+    inputs: dict[str, dict[str, str]],
+) -> Reconstruction:
+    """All stages from the rectified pair on; `held` is the same pair on the device."""
+    scales = grey_scale(raw_left), grey_scale(raw_right)
+    centre = (pair.baseline if job.view is View.RIGHT else 0.0, 0.0, 0.0)
     with watch.step("check"):
         checked = check_rectified(pair.left, pair.right, offset_px=pair.cx_left - pair.cx_right)
         refuse_swapped(checked)
     with watch.step("mask"):
         picture, valid, other_valid = pair.left, pair.valid_left, pair.valid_right
-        if view is View.RIGHT:
+        if job.view is View.RIGHT:
             picture, valid, other_valid = pair.right, pair.valid_right, pair.valid_left
-        wanted = _wanted(picture, valid, mask, rectangle)
+        wanted = _wanted(picture, valid, job)
     with watch.step("range"):
-        if disparities == "auto":
-            ours, theirs = (wanted, other_valid) if view is View.LEFT else (other_valid, wanted)
-            disparities = find_range(device, pair.left, pair.right, ours, theirs)
-        smallest, count = check_range(disparities, pair.left.shape[1])
+        if job.disparities == "auto":
+            masks = (wanted, other_valid) if job.view is View.LEFT else (other_valid, wanted)
+            smallest, count = find_range(device, pair.left, pair.right, *masks)
+            # Smaller ones than that of a point at infinity would lie behind the cameras.
+            infinity = math.floor(pair.cx_left - pair.cx_right)
+            if smallest < infinity < smallest + count:
+                smallest, count = infinity, smallest + count - infinity
+        else:
+            smallest, count = job.disparities
     with watch.step("match"):
         steps = Stopwatch()
         found = match_on(
             device,
             held.left,
             held.right,
-            scales=(grey_scale(raw_left), grey_scale(raw_right)),
+            scales=scales,
             masks=(device.upload(wanted), device.upload(other_valid)),
             smallest=smallest,
             disparities=count,
-            reference=view,
-            options=options,
+            reference=job.view,
+            options=job.matching,
             watch=steps,
         )
-        disparity = download_disparity(device, found, smallest, count, view, chosen, options, steps)
+        disparity = download_disparity(device, found, smallest, count, job.view, job.profile, job.matching, steps)
     with watch.step("triangulate"):
-        points = device.download(triangulate_on(device, found.values, view, pair))
-        if depth is not None:
-            disparity, points = _cut_depth(disparity, points, depth)
+        points: Floats = device.download(triangulate_on(device, found.values, job.view, pair))
+        if job.depth is not None:
+            disparity, points = _cut_depth(disparity, points, job.depth)
     with watch.step("mesh"):
-        centre = (pair.baseline if view is View.RIGHT else 0.0, 0.0, 0.0)
-        surface = build_mesh(disparity.values, points, max_jump_px=mesh.max_jump_px, centre=centre)
+        surface = build_mesh(disparity.values, points, max_jump_px=job.mesh.max_jump_px, centre=centre)
     with watch.step("decimate"):
-        decimated = decimate(surface, mesh.faces, centre=centre) if mesh.faces else surface
+        decimated = decimate(surface, job.mesh.faces, centre=centre) if job.mesh.faces else surface
     with watch.step("smooth"):
-        smoothed = fair(decimated, iterations=mesh.smoothing) if mesh.smoothing else decimated
+        smoothed = fair(decimated, iterations=job.mesh.smoothing, centre=centre)
     with watch.step("unwrap"):
-        seen = project(smoothed.vertices, pair, view)[:, :2]
-        unwrapped = unwrap(smoothed, seen, method=mesh.unwrap, time_limit_s=mesh.unwrap_seconds)
+        seen = project(smoothed.vertices, pair, job.view)[:, :2]
+        unwrapped = unwrap(smoothed, seen, method=job.mesh.unwrap, time_limit_s=job.mesh.unwrap_seconds)
     with watch.step("texture"):
-        on_device, raw = (held.left, raw_left) if view is View.LEFT else (held.right, raw_right)
-        texture = bake_texture(device, on_device, grey_scale(raw), unwrapped, pair, view)
-
+        on_device, scale = (held.left, scales[0]) if job.view is View.LEFT else (held.right, scales[1])
+        texture = bake_texture(device, on_device, scale, unwrapped, pair, job.view)
     return Reconstruction(
         raw_left=raw_left,
         raw_right=raw_right,
@@ -153,48 +214,45 @@ def reconstruct(
         points=points,
         surface=surface,
         smoothed=smoothed,
-        mesh=Mesh(
-            vertices=unwrapped.vertices, faces=unwrapped.faces, uv=unwrapped.uv, texture=texture, unit=pair.unit
-        ),
+        mesh=Mesh(vertices=unwrapped.vertices, faces=unwrapped.faces, uv=unwrapped.uv, texture=texture, unit=pair.unit),
         inputs=inputs,
         options={
             **disparity.options,
-            "reference": str(view),
+            "reference": str(job.view),
             "disparities": [smallest, count],
-            "rectangle": rectangle,
-            "depth": depth,
-            **{f"mesh.{name}": value for name, value in dataclasses.asdict(mesh).items()},
+            "disparities_found": job.disparities == "auto",
+            "mask": None if job.mask is None else _digest(job.mask),
+            "rectangle": job.rectangle,
+            "depth": job.depth,
+            **{f"mesh.{name}": value for name, value in dataclasses.asdict(job.mesh).items()},
             "mesh.unwrap_used": unwrapped.method,
         },
         checked=checked,
         seconds=dict(watch.seconds),
-        warnings=_warnings(checked, disparity, unwrapped),
+        warnings=find_warnings(checked, disparity, unwrapped),
     )
 
 
-def _wanted(
-    picture: Picture, valid: Bytes, mask: Bytes | None, rectangle: tuple[int, int, int, int] | None
-) -> Bytes:
+def _wanted(picture: Picture, valid: Bytes, job: Job) -> Bytes:
     """Where the reference view has content and somebody wants it."""
     wanted = valid
-    if mask is not None:
-        if mask.shape != valid.shape:
-            raise InputError(
-                f"mask is {mask.shape[::-1]}, the rectified pictures are {valid.shape[::-1]}: draw it on those"
-            )
-        wanted = np.asarray(wanted & (mask != 0), np.uint8)
-    if rectangle is not None:
-        wanted = wanted & mask_from_rectangle(picture, rectangle)
+    if job.mask is not None:
+        wanted = np.asarray(wanted & (job.mask != 0), np.uint8)
+    if job.rectangle is not None:
+        wanted = np.asarray(wanted & (mask_from_rectangle(picture, job.rectangle) != 0), np.uint8)
     if not wanted.any():
         raise InputError("the mask leaves no pixel of the reference view: widen it")
     return wanted
 
 
-def _cut_depth(
-    disparity: Disparity, points: np.ndarray[Any, Any], depth: tuple[float, float]
-) -> tuple[Disparity, np.ndarray[Any, Any]]:
+def _cut_depth(disparity: Disparity, points: Floats, depth: tuple[float, float]) -> tuple[Disparity, Floats]:
     """Take away what lies outside of the wanted depths."""
-    outside = (mask_from_depth(points, *depth) == 0) & np.isfinite(disparity.values)
+    found = np.isfinite(disparity.values)
+    outside = (mask_from_depth(points, *depth) == 0) & found
+    if (outside == found).all():
+        depths = points[..., 2][np.isfinite(points[..., 2])]
+        there = f"from {depths.min():.4g} to {depths.max():.4g}" if len(depths) else "nowhere"
+        raise InputError(f"depth = {depth}: nothing lies there, points were found {there}; widen it")
     cut = dataclasses.replace(
         disparity,
         values=np.where(outside, np.float32(np.nan), disparity.values),
@@ -204,38 +262,16 @@ def _cut_depth(
     return cut, np.where(outside[..., None], np.float32(np.nan), points)
 
 
-def _warnings(checked: PairCheck, disparity: Disparity, unwrapped: Unwrapped) -> list[str]:
-    found = []
-    if checked.vertical_px > LARGE_VERTICAL_PX:
-        found.append(
-            f"Matched features differ by {checked.vertical_px:.2f} px in height (median of {checked.matches}):"
-            " the cameras moved since the calibration, or the rig belongs to others. Calibrate again."
-        )
-    if np.isnan(checked.vertical_px):
-        found.append(f"Only {checked.matches} features matched: whether the rig fits the pictures was not checked.")
-    covered = coverage(disparity)
-    if covered < LOW_COVERAGE:
-        found.append(f"Only {covered:.0%} of the wanted pixels have a disparity: too little texture, or a wrong range.")
-    good = disparity.values[disparity.validity == 0]
-    for share, where, way in (
-        ((good < disparity.smallest + 1).mean() if len(good) else 0, "smallest", "lower"),
-        ((good > disparity.smallest + disparity.disparities - 2).mean() if len(good) else 0, "largest", "higher"),
-    ):
-        if share > RANGE_HIT:
-            found.append(f"{share:.0%} of the disparities are at the {where} one searched: start or end {way}.")
-    if unwrapped.reason:
-        found.append(f"The texture uses the view's own coordinates instead of charts: {unwrapped.reason}.")
-    return found
-
-
-def _read(given: Picture | str | os.PathLike[str]) -> Picture:
+def _read(given: Source) -> Picture:
     return given if isinstance(given, np.ndarray) else read_image(given)
 
 
-def _describe(given: Picture | str | os.PathLike[str]) -> dict[str, str]:
+def _describe(given: Source) -> dict[str, str]:
     if isinstance(given, np.ndarray):
-        return {"name": "array", "sha256": hashlib.sha256(np.ascontiguousarray(given)).hexdigest()}
+        return {"name": "array", "sha256": _digest(given)}
     path = Path(given)
-    # A file that cannot be read is named by read_image, which comes next.
-    content = path.read_bytes() if path.is_file() else b""
-    return {"name": path.name, "sha256": hashlib.sha256(content).hexdigest()}
+    return {"name": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
+
+
+def _digest(array: Picture) -> str:
+    return hashlib.sha256(array.tobytes()).hexdigest()

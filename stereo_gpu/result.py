@@ -14,8 +14,7 @@ import numpy as np
 
 from stereo_gpu import export, figures
 from stereo_gpu.check import PairCheck
-from stereo_gpu.errors import InputError
-from stereo_gpu.files import check_writable, write_whole
+from stereo_gpu.files import whole_folder, write_whole
 from stereo_gpu.images import write_png
 from stereo_gpu.match import coverage
 from stereo_gpu.prepare import grey_scale
@@ -67,37 +66,34 @@ class Reconstruction:
         return self.pair.left if self.disparity.reference is View.LEFT else self.pair.right
 
     def save(self, folder: str | os.PathLike[str]) -> list[Path]:
-        """Write model.glb, model.obj with .mtl and .png, cloud.ply, surface.vtp, disparity.pfm and .png,
-        report.html and result.json, each whole or not at all.
+        """Write every file of the result, all of them or none; returns their paths.
+
+        These are model.glb, model.obj with .mtl and .png, cloud.ply, surface.vtp, disparity.pfm and .png,
+        report.html and result.json.
 
         Raises:
             InputError: the folder cannot be made or written.
         """
-        folder = Path(folder)
-        check_writable(folder)
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"cannot make folder {folder}: {error.strerror or error}; name another one") from error
         colours = self._colours()
-        written = [
-            export.write_glb(folder / "model.glb", self.mesh),
-            *export.write_obj(folder / "model.obj", self.mesh),
-            export.write_ply(folder / "cloud.ply", self.points, colours),
-            export.write_vtp(folder / "surface.vtp", self.mesh),
-            export.write_pfm(folder / "disparity.pfm", self.disparity.values),
-            write_png(folder / "disparity.png", figures.colour_disparity(self.disparity.values, bar=True)),
+        with whole_folder(folder) as new:
+            export.write_glb(new / "model.glb", self.mesh)
+            export.write_obj(new / "model.obj", self.mesh)
+            export.write_ply(new / "cloud.ply", self.points, colours)
+            export.write_vtp(new / "surface.vtp", self.mesh)
+            export.write_pfm(new / "disparity.pfm", self.disparity.values)
+            write_png(new / "disparity.png", figures.colour_disparity(self.disparity.values, bar=True))
             write_report(
-                folder / "report.html",
+                new / "report.html",
                 title=f"{self.inputs['left']['name']} and {self.inputs['right']['name']}",
                 figures=self.figures(),
                 facts=self._facts(),
                 seconds=self.seconds,
                 warnings=self.warnings,
                 mesh=self.mesh,
-            ),
-        ]
-        return [*written, write_whole(folder / "result.json", json.dumps(self.record(), indent=1) + "\n")]
+            )
+            write_whole(new / "result.json", json.dumps(self.record(), indent=1, allow_nan=False) + "\n")
+            names = sorted(file.name for file in new.iterdir())
+        return [Path(folder) / name for name in names]
 
     def record(self) -> dict[str, Any]:
         """What result.json holds: all that is needed to make this result again, and what came out."""
@@ -121,10 +117,7 @@ class Reconstruction:
                 "pixels": int(values.size),
                 "wanted": int((self.mask != 0).sum()),
                 "with_disparity": int(np.isfinite(values).sum()),
-                **{
-                    str(bit.name).lower(): int(((self.disparity.validity & bit) != 0).sum())
-                    for bit in Validity
-                },
+                **{str(bit.name).lower(): int(((self.disparity.validity & bit) != 0).sum()) for bit in Validity},
                 "matched_features": self.checked.matches,
                 "dense_triangles": len(self.surface.faces),
                 "vertices": len(self.mesh.vertices),
@@ -137,7 +130,6 @@ class Reconstruction:
 
     def figures(self) -> list[Figure]:
         """The pictures of the paper's figures 6 to 9 for this pair."""
-        turned = {"yaw": YAW, "pitch": PITCH}
         unwanted = "nothing was masked" if self.mask.all() else "what is dark was not matched"
         return [
             Figure(
@@ -174,22 +166,22 @@ class Reconstruction:
             Figure(
                 name="Cloud",
                 caption="Every pixel at its depth, seen from the side.",
-                picture=render_points(self.points, self._colours(), **turned),
+                picture=render_points(self.points, self._colours(), yaw=YAW, pitch=PITCH),
             ),
             Figure(
                 name="Mesh",
                 caption=f"{len(self.surface.faces):,} triangles, one for every half pixel.",
-                picture=render(self.surface, shading=Shading.PLAIN, **turned),
+                picture=render(self.surface, shading=Shading.PLAIN, yaw=YAW, pitch=PITCH),
             ),
             Figure(
                 name="Smoothed",
                 caption=f"{len(self.smoothed.faces):,} triangles after decimation and smoothing.",
-                picture=render(self.smoothed, shading=Shading.PLAIN, **turned),
+                picture=render(self.smoothed, shading=Shading.PLAIN, yaw=YAW, pitch=PITCH),
             ),
             Figure(
                 name="Textured",
                 caption=f"With the {self.disparity.reference} picture as texture.",
-                picture=render(self.mesh, **turned),
+                picture=render(self.mesh, yaw=YAW, pitch=PITCH),
             ),
         ]
 
