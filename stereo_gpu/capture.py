@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,8 +11,9 @@ from pathlib import Path
 import cv2
 
 from stereo_gpu.errors import InputError
-from stereo_gpu.files import check_writable
+from stereo_gpu.files import check_writable, whole_folder
 from stereo_gpu.images import write_png
+from stereo_gpu.types import Picture
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,12 +47,13 @@ def capture(left: str, right: str, folder: Path, *, count: int = 15, interval: f
     Raises:
         InputError: a source cannot be opened or gives no picture, the sizes differ, or the folder cannot be written.
     """
-    if count < 1 or interval < 0:
-        raise InputError(f"count = {count}, interval = {interval:g}: take at least 1 pair, not before the last one")
+    if count < 1:
+        raise InputError(f"count = {count}: take at least 1 pair")
+    if not 0 <= interval < math.inf:
+        raise InputError(f"interval = {interval:g}: give 0 seconds or more between pairs")
     check_writable(folder)
     sources = [_open(name) for name in (left, right)]
     try:
-        folder.mkdir(parents=True, exist_ok=True)
         for number in range(1, count + 1):
             if number > 1:
                 _wait(sources, (left, right), interval)
@@ -61,30 +64,45 @@ def capture(left: str, right: str, folder: Path, *, count: int = 15, interval: f
                 grabs.append(time.perf_counter())
             if len(grabs) < 2:
                 if number == 1:
-                    raise InputError(f"{(left, right)[len(grabs)]} opened but gives no picture: is it in use elsewhere?")
+                    raise InputError(
+                        f"{(left, right)[len(grabs)]} opened but gives no picture: is it in use elsewhere?"
+                    )
                 return
-            pictures = [cv2.cvtColor(source.retrieve()[1], cv2.COLOR_BGR2RGB) for source in sources]
+            pictures = [_retrieve(source, name) for source, name in zip(sources, (left, right), strict=True)]
             sizes = [f"{p.shape[1]} x {p.shape[0]}" for p in pictures]
             if sizes[0] != sizes[1]:
                 raise InputError(f"{left} gives {sizes[0]}, {right} gives {sizes[1]}: set both cameras to one size")
-            files = [folder / f"{side}{number:04d}.png" for side in ("left", "right")]
-            for file, picture in zip(files, pictures, strict=True):
-                write_png(file, picture)
-            yield Taken(number=number, left=files[0], right=files[1], skew_ms=1000 * (grabs[1] - grabs[0]))
+            names = [f"{side}{number:04d}.png" for side in ("left", "right")]
+            with whole_folder(folder) as new:
+                for name, picture in zip(names, pictures, strict=True):
+                    write_png(new / name, picture)
+            skew = 1000 * (grabs[1] - grabs[0])
+            yield Taken(number=number, left=folder / names[0], right=folder / names[1], skew_ms=skew)
     finally:
         for source in sources:
             source.release()
 
 
+def _retrieve(source: cv2.VideoCapture, name: str) -> Picture:
+    """The picture that was grabbed last, in RGB."""
+    decoded, picture = source.retrieve()
+    if not decoded:
+        raise InputError(f"{name} gave a picture that cannot be decoded: check the cable, or convert the video")
+    result: Picture = cv2.cvtColor(picture, cv2.COLOR_BGR2RGB)
+    return result
+
+
 def _open(name: str) -> cv2.VideoCapture:
-    level = cv2.getLogLevel()
-    cv2.setLogLevel(0)
+    level = cv2.utils.logging.getLogLevel()
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:
         source = cv2.VideoCapture(int(name) if name.isdigit() else name)
     finally:
-        cv2.setLogLevel(level)
+        cv2.utils.logging.setLogLevel(level)
     if not source.isOpened():
-        raise InputError(f"camera or video {name} cannot be opened: check that it is there and that nothing else uses it")
+        raise InputError(
+            f"camera or video {name} cannot be opened: check that it is there and that nothing else uses it"
+        )
     return source
 
 

@@ -44,7 +44,7 @@ def check_rectified(left: Picture, right: Picture, *, offset_px: float = 0.0) ->
         offset_px: disparity of a point at infinity, cx_left - cx_right.
     """
     shrink = min(1.0, WIDEST / left.shape[1])
-    sift = cv2.SIFT_create(4000)
+    sift = cv2.SIFT.create(4000)
     found = []
     for picture in (left, right):
         small = cv2.resize(grey(picture), None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA)
@@ -53,7 +53,9 @@ def check_rectified(left: Picture, right: Picture, *, offset_px: float = 0.0) ->
     if about_left is None or about_right is None or min(len(keys_left), len(keys_right)) < 2:
         return PairCheck(matches=0, vertical_px=float("nan"), behind=float("nan"))
     matcher = cv2.BFMatcher(cv2.NORM_L2)
-    forward = [a.queryIdx for a, b in matcher.knnMatch(about_left, about_right, k=2) if a.distance < LOWES_RATIO * b.distance]
+    forward = [
+        a.queryIdx for a, b in matcher.knnMatch(about_left, about_right, k=2) if a.distance < LOWES_RATIO * b.distance
+    ]
     best = {m.queryIdx: m.trainIdx for m in matcher.match(about_left, about_right)}
     back = {m.queryIdx: m.trainIdx for m in matcher.match(about_right, about_left)}
     pairs = [(i, best[i]) for i in forward if back[best[i]] == i]

@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 import glob
 import logging
+import math
+import os
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -15,22 +17,25 @@ from stereo_gpu.errors import InputError, StereoError
 if TYPE_CHECKING:
     from stereo_gpu.types import Bytes
 
+CLEAR_LINE = "\r\x1b[K"  # to the start of the line, and erase it
+BAR_WIDTH = 24
+LINES = 10  # that a search prints where no bar can be drawn
 PICTURES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".ppm", ".pgm", ".webp"}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one subcommand; returns the exit status: 0, 2 for wrong input, 1 for any other failure."""
     options = _parser().parse_args(arguments)
-    logging.basicConfig(
-        level=logging.DEBUG if options.debug else logging.WARNING, format="stereo-gpu: %(levelname)s: %(message)s"
-    )
+    _start_logging(options.debug)
     try:
         options.run(options)
+        sys.stdout.flush()
     except KeyboardInterrupt:
         return _fail("interrupted; nothing was left half written", 130)
     except BrokenPipeError:
-        # Whoever read our output has had enough, as `stereo-gpu devices | head -1` does.
-        sys.stderr.close()
+        # Whoever read our output has had enough, as `stereo-gpu devices | head -1` does; what is still buffered
+        # must not fail again when Python ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except StereoError as error:
         if options.debug:
@@ -48,6 +53,22 @@ class _Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         self.exit(_fail(f"{message}; see {self.prog} --help", 2))
+
+
+class _OneLine(logging.Formatter):
+    """Messages as one line each, over a progress bar where one is drawn."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        clear = CLEAR_LINE if sys.stderr.isatty() else ""
+        return f"{clear}stereo-gpu: {record.levelname.lower()}: {record.getMessage()}"
+
+
+def _start_logging(debug: bool) -> None:
+    handler = logging.StreamHandler()
+    handler.setFormatter(_OneLine())
+    own = logging.getLogger("stereo_gpu")
+    own.handlers = [handler]
+    own.setLevel(logging.DEBUG if debug else logging.WARNING)
 
 
 def _fail(message: str, status: int) -> int:
@@ -123,8 +144,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     _backend(reconstruct)
 
-    devices = command("devices", _devices, "list what can compute here")
-    devices.set_defaults(run=_devices)
+    command("devices", _devices, "list what can compute here")
     command("doctor", _doctor, "check the installation and every device, and say what would mend the rest")
 
     bench = command("bench", _bench, "time the kernels and OpenCV's block matcher in the same run")
@@ -148,7 +168,7 @@ def _backend(parser: argparse.ArgumentParser) -> None:
 
 
 def _matching(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--profile", default="fast", help="paper or fast (%(default)s)")
+    parser.add_argument("--profile", default="fast", help="paper, fast or precise (%(default)s)")
     parser.add_argument(
         "--disparities",
         type=_range,
@@ -194,13 +214,13 @@ def _capture(options: argparse.Namespace) -> None:
 def _calibrate(options: argparse.Namespace) -> None:
     from stereo_gpu.board import Board
     from stereo_gpu.calibrate import calibrate
-    from stereo_gpu.files import check_writable
+    from stereo_gpu.files import check_writable_file
 
-    check_writable(options.out.parent)
-    left, right = split_pictures(options.pictures)
     board = Board.parse(options.board, options.square)
-    with Progress(len(left) + len(right) + 1) as progress:
-        rig = calibrate(left, right, board, coefficients=options.coefficients, progress=progress.step)
+    left, right = split_pictures(options.pictures)
+    check_writable_file(options.out)
+    with Progress() as progress:
+        rig = calibrate(left, right, board, coefficients=options.coefficients, progress=progress.searched)
     rig.save(options.out)
     for view in rig.views:
         if not view.used:
@@ -214,7 +234,7 @@ def _calibrate(options: argparse.Namespace) -> None:
 
 def _rectify(options: argparse.Namespace) -> None:
     from stereo_gpu.check import check_rectified, refuse_swapped
-    from stereo_gpu.files import check_writable
+    from stereo_gpu.files import check_writable, whole_folder
     from stereo_gpu.images import read_image, write_png
     from stereo_gpu.rectify import rectify
     from stereo_gpu.rig import Rig
@@ -224,12 +244,13 @@ def _rectify(options: argparse.Namespace) -> None:
     pair = rectify(left, right, rig, backend=options.backend)
     found = check_rectified(pair.left, pair.right, offset_px=pair.cx_left - pair.cx_right)
     refuse_swapped(found)
-    options.out.mkdir(parents=True, exist_ok=True)
-    for name, picture in (("left", pair.left), ("right", pair.right)):
-        write_png(options.out / f"{name}.png", picture)
+    with whole_folder(options.out) as new:
+        for name, picture in (("left", pair.left), ("right", pair.right)):
+            write_png(new / f"{name}.png", picture)
+    vertical = "not measured" if math.isnan(found.vertical_px) else f"{found.vertical_px:.2f} px"
     print(
         f"{options.out}: left.png and right.png, focal length {pair.focal_px:.2f} px, baseline {pair.baseline:.2f}"
-        f" {pair.unit}, median vertical error {found.vertical_px:.2f} px over {found.matches} features"
+        f" {pair.unit}, vertical error {vertical} (median of {found.matches} features)"
     )
 
 
@@ -237,7 +258,7 @@ def _match(options: argparse.Namespace) -> None:
     from stereo_gpu.check import check_rectified, refuse_swapped
     from stereo_gpu.export import write_pfm
     from stereo_gpu.figures import colour_disparity
-    from stereo_gpu.files import check_writable
+    from stereo_gpu.files import check_writable, whole_folder
     from stereo_gpu.images import check_pair, read_image, write_png
     from stereo_gpu.match import coverage, match
 
@@ -258,9 +279,9 @@ def _match(options: argparse.Namespace) -> None:
         mask=mask,
         backend=options.backend,
     )
-    options.out.mkdir(parents=True, exist_ok=True)
-    write_pfm(options.out / "disparity.pfm", disparity.values)
-    write_png(options.out / "disparity.png", colour_disparity(disparity.values, bar=True))
+    with whole_folder(options.out) as new:
+        write_pfm(new / "disparity.pfm", disparity.values)
+        write_png(new / "disparity.png", colour_disparity(disparity.values, bar=True))
     searched = f"{disparity.smallest} to {disparity.smallest + disparity.disparities - 1}"
     print(
         f"{options.out}: disparity.pfm and disparity.png, {coverage(disparity):.1%} of the pixels have a value,"
@@ -281,7 +302,7 @@ def _reconstruct(options: argparse.Namespace) -> None:
     check_rig(left, rig)
     mask = _read_mask(options.mask, left.shape[:2])
     check_writable(options.out)
-    with Progress(len(STAGES) + 1) as progress:
+    with Progress([*STAGES, "save"]) as progress:
         result = reconstruct(
             options.left,
             options.right,
@@ -300,7 +321,7 @@ def _reconstruct(options: argparse.Namespace) -> None:
         progress.step("save")
         result.save(options.out)
     for warning in result.warnings:
-        print(f"warning: {warning}", file=sys.stderr)
+        print(f"stereo-gpu: warning: {warning}", file=sys.stderr)
     print(
         f"{options.out}: model.glb with {len(result.mesh.faces)} triangles in {sum(result.seconds.values()):.1f} s on"
         f" {result.disparity.backend}; open {options.out / 'report.html'}"
@@ -373,8 +394,8 @@ def _read_mask(path: Path | None, shape: tuple[int, ...]) -> Bytes | None:
 class Progress:
     """A bar that is redrawn on a terminal, plain lines elsewhere; both on standard error."""
 
-    def __init__(self, steps: int) -> None:
-        self._steps, self._done = steps, 0
+    def __init__(self, stages: Sequence[str] = ()) -> None:
+        self._stages = list(stages)
         self._drawn = sys.stderr.isatty()
 
     def __enter__(self) -> Progress:
@@ -382,16 +403,27 @@ class Progress:
 
     def __exit__(self, *_: object) -> None:
         if self._drawn:
-            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+            print(CLEAR_LINE, end="", file=sys.stderr, flush=True)
 
     def step(self, name: str) -> None:
-        """Say that the step of this name begins."""
+        """Say that the stage of this name begins."""
         if self._drawn:
-            full = 24 * self._done // self._steps
-            print(f"\r\x1b[K[{'#' * full}{'.' * (24 - full)}] {name}", end="", file=sys.stderr, flush=True)
+            self._draw(self._stages.index(name), len(self._stages), name)
         else:
             print(f"stereo-gpu: {name}", file=sys.stderr, flush=True)
-        self._done = min(self._done + 1, self._steps)
+
+    def searched(self, done: int, total: int) -> None:
+        """Say how many of the pictures have been searched for the board."""
+        text = f"{done} of {total} pictures searched"
+        if self._drawn:
+            self._draw(done, total, text)
+        elif done == total or done * LINES // total > (done - 1) * LINES // total:
+            print(f"stereo-gpu: {text}", file=sys.stderr, flush=True)
+
+    def _draw(self, done: int, total: int, text: str) -> None:
+        full = BAR_WIDTH * done // total
+        bar = "#" * full + "." * (BAR_WIDTH - full)
+        print(f"{CLEAR_LINE}[{bar}] {text}", end="", file=sys.stderr, flush=True)
 
 
 def _version() -> str:

@@ -91,8 +91,11 @@ def check_writable(folder: str | os.PathLike[str]) -> None:
         InputError: it is a file, or neither it nor the nearest folder above it can be written.
     """
     nearest = Path(folder).absolute()
-    while not nearest.exists() and nearest != nearest.parent:
-        nearest = nearest.parent
+    try:
+        while not nearest.exists() and nearest != nearest.parent:
+            nearest = nearest.parent
+    except OSError as error:  # a name that is too long, a link to itself
+        raise _cannot_write(Path(folder), error) from error
     if not nearest.is_dir():
         raise InputError(f"cannot write to {folder}: {nearest} is a file; name another folder")
     # Permissions do not bind root, and some file systems take nothing whatever they say: only a trial tells.
