@@ -41,6 +41,11 @@ def geometry(kernel: str, language: str, arguments: Mapping[str, Any], units: in
     width, height = arguments.get("width", 1), arguments.get("height", 1)
     if kernel == "bake":
         return Geometry((arguments["triangles"],))
+    if kernel == "aggregate":
+        lines = height if arguments["step_y"] == 0 else width + (height - 1 if arguments["step_x"] else 0)
+        return Geometry((lines,), {"lines": lines}, 2 * lines * arguments["disparities"], alone=True)
+    if kernel == "census_volume":
+        return Geometry((arguments["disparities"], width, height))
     if kernel == "window_norms":
         rows = _rows_a_strip(height, 8)
         return Geometry((width, -(-height // rows)), {"rows": rows})

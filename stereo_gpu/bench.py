@@ -10,12 +10,15 @@ import numpy as np
 
 from stereo_gpu.backends import Backend, open_backend
 from stereo_gpu.config import PROFILES, MatchOptions, Profile
-from stereo_gpu.match import check_match_memory, correlate, match
+from stereo_gpu.errors import InputError
+from stereo_gpu.match import check_match_memory, match
 from stereo_gpu.prepare import prepare_view
 from stereo_gpu.types import Bytes
+from stereo_gpu.winners import find_winners, volume_bytes
 
 WARM_UP_SECONDS = 1.0
 REPEATS = 11
+LARGEST_SIDE = 16_384  # px
 
 
 def run_bench(
@@ -31,17 +34,29 @@ def run_bench(
         disparities: how many to search; a multiple of 16, as StereoBM wants it.
         window: side of the window, px; odd and at least 5, as StereoBM wants it.
         backend: where to compute; None takes the best device.
+
+    Raises:
+        InputError: a size is wrong.
+        MemoryLimitError: the job does not fit the device.
     """
+    if disparities < 16 or disparities % 16 or window < 5 or window % 2 == 0 or window > 31:
+        raise InputError(
+            f"{disparities} disparities and window {window}: StereoBM takes a multiple of 16, and 5 to 31, odd"
+        )
+    if not (disparities + window < width <= LARGEST_SIDE and window < height <= LARGEST_SIDE):
+        raise InputError(
+            f"size {width} x {height}: give more px than disparities and window take, at most {LARGEST_SIDE} a side"
+        )
     device = open_backend(backend)
     options = MatchOptions(window=window, texture_threshold=0.5, subpixel=True)
     check_match_memory(device, width, height, disparities, options)
     left, right = _pair(width, height, disparities)
-    peer = cv2.StereoBM_create(disparities, window)
+    peer = cv2.StereoBM.create(disparities, window)
     everywhere = device.upload(np.ones((height, width), np.uint8))
     views = [prepare_view(device, device.upload(p), 1.0, everywhere, options) for p in (right, left)]
 
     def fused() -> None:
-        correlate(device, views[0], views[1], 0, disparities, 1, options)
+        find_winners(device, views[0], views[1], smallest=0, disparities=disparities, direction=1, options=options)
         device.finish()
 
     peer_seconds = _median_seconds(lambda: peer.compute(left, right))
@@ -58,10 +73,10 @@ def run_bench(
 
 
 def _profiles(device: Backend, width: int, height: int, disparities: int) -> list[Profile]:
-    """The profiles that fit the device's memory; the paper's volume may not."""
-    volume = width * height * disparities * 4
+    """The profiles that fit the device's memory; a cost volume may not."""
     total, one = device.available_bytes()
-    return [p for p in Profile if not PROFILES[p].whole_volume or (volume < one and 2 * volume < total)]
+    held = {profile: volume_bytes(width, height, disparities, PROFILES[profile]) for profile in Profile}
+    return [profile for profile in Profile if held[profile] < one and 2 * held[profile] < total]
 
 
 def _pair(width: int, height: int, disparities: int) -> tuple[Bytes, Bytes]:

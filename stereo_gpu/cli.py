@@ -118,7 +118,7 @@ def _parser() -> argparse.ArgumentParser:
 
     match = command("match", _match, "find the disparities of a rectified pair")
     _pair(match)
-    _matching(match)
+    _matching(match, "fast")
     match.add_argument("--mask", type=Path, help="picture, black where the reference view is not wanted")
     match.add_argument("--out", type=Path, required=True, help="folder for disparity.pfm and disparity.png")
     _backend(match)
@@ -127,7 +127,7 @@ def _parser() -> argparse.ArgumentParser:
     _pair(reconstruct)
     _rig(reconstruct)
     reconstruct.add_argument("--out", type=Path, required=True, help="folder for the model and the report")
-    _matching(reconstruct)
+    _matching(reconstruct, "precise")
     reconstruct.add_argument(
         "--mask", type=Path, help="picture, black where the rectified reference view is not wanted"
     )
@@ -167,8 +167,8 @@ def _backend(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--backend", help="where to compute, as `devices` names it; by default the best device")
 
 
-def _matching(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--profile", default="fast", help="paper, fast or precise (%(default)s)")
+def _matching(parser: argparse.ArgumentParser, profile: str) -> None:
+    parser.add_argument("--profile", default=profile, help="paper, fast or precise (%(default)s)")
     parser.add_argument(
         "--disparities",
         type=_range,

@@ -11,6 +11,7 @@ class Profile(StrEnum):
 
     PAPER = "paper"
     FAST = "fast"
+    PRECISE = "precise"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,10 +23,20 @@ class MatchOptions:
         texture_threshold: RMS contrast of a window, in grey levels of 0..255, at or under which it is flat.
         subpixel: whether a parabola refines the winner.
         smooth_sigma: standard deviation of the Gaussian prefilter, px; 0 for none.
+        smooth_paths: whether the winner is taken over census costs aggregated along 8 paths (semi-global), in place
+            of NCC alone.
+        small_penalty, large_penalty: of a disparity change of one, and of more, along such a path; in census bits.
+        edge_penalty, edge_grey: the large penalty where the picture changes by more than so many grey levels.
+        row_slopes: disparity changes a row, px, that are tried in turn; of the maps that result the one that
+            correlates better is taken at each pixel. 1 is a table seen at a grazing angle.
+        slant_rounds: how often each disparity is then moved to the NCC peak of windows that lean with the surface.
+        slant_step_px: how far such a move may go, px.
+        slant_slope: largest disparity change a pixel that counts as a slope, not as a jump.
         whole_volume: whether the cost volume is held in memory, as the paper does, or fused with its winner.
         consistency_px: largest difference to the other view's winner, px; None for no left-right check.
         median: side of the median filter, 3, 5 or 7; 0 for none.
         support_share: share of the surroundings that must have a pixel's disparity; 0 for no such test.
+        support_slope: by how much a disparity may change with each pixel of distance and still be shared, px.
         support_reach, support_step: how far these surroundings go and how densely they are sampled, px.
         fill_reach: longest hole in a row that is filled, px; 0 for none.
         same_surface_px: difference up to which two disparities belong to one surface, px.
@@ -35,10 +46,20 @@ class MatchOptions:
     texture_threshold: float
     subpixel: bool
     smooth_sigma: float = 0.0
+    smooth_paths: bool = False
+    small_penalty: float = 0.0
+    large_penalty: float = 0.0
+    edge_penalty: float = 0.0
+    edge_grey: float = 0.0
+    row_slopes: tuple[int, ...] = (0,)
+    slant_rounds: int = 0
+    slant_step_px: float = 0.5
+    slant_slope: float = 1.5
     whole_volume: bool = False
     consistency_px: float | None = None
     median: int = 0
     support_share: float = 0.0
+    support_slope: float = 0.0
     support_reach: int = 6
     support_step: int = 3
     fill_reach: int = 0
@@ -55,6 +76,24 @@ PROFILES = {
         median=5,
         support_share=0.3,
         fill_reach=32,
+    ),
+    Profile.PRECISE: MatchOptions(
+        window=9,
+        texture_threshold=0.0,
+        subpixel=True,
+        smooth_paths=True,
+        small_penalty=18.0,
+        large_penalty=100.0,
+        edge_penalty=50.0,
+        edge_grey=12.0,
+        row_slopes=(0, 1),
+        slant_rounds=3,
+        consistency_px=1.0,
+        median=3,
+        support_share=0.2,
+        support_slope=1.2,
+        same_surface_px=2.0,
+        fill_reach=64,
     ),
 }
 

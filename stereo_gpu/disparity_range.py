@@ -1,19 +1,20 @@
-"""Find which disparities a pair has, so that nobody needs to know them: a coarse match over nearly all of them."""
+"""Find which disparities a pair has, so that nobody needs to know them: coarse matches over nearly all of them."""
 
 from __future__ import annotations
 
 import dataclasses
 import logging
+import math
 
 import cv2
 import numpy as np
 
 from stereo_gpu.backends import Backend
-from stereo_gpu.config import PROFILES, Profile
+from stereo_gpu.config import PROFILES, MatchOptions, Profile
 from stereo_gpu.match import match_on
 from stereo_gpu.prepare import grey_scale
 from stereo_gpu.timing import Stopwatch
-from stereo_gpu.types import Bytes, Picture, View
+from stereo_gpu.types import Bytes, Floats, Picture, View
 
 _log = logging.getLogger(__name__)
 
@@ -23,11 +24,19 @@ MARGIN = 2  # coarse px on either side, for what the coarse picture could not re
 # Shares of the found range that are added. Near surfaces are the ones that a coarse match loses: they are cut off
 # by the picture's edge, thin, or seen at a slant.
 FARTHER, NEARER = 0.05, 0.15
-_COARSE = dataclasses.replace(PROFILES[Profile.FAST], fill_reach=0)
+# Smooth paths tell surfaces from false matches; windows alone find what is too thin for a smooth path.
+_SMOOTH = dataclasses.replace(PROFILES[Profile.PRECISE], row_slopes=(0,), slant_rounds=0, fill_reach=0)
+_THIN = dataclasses.replace(PROFILES[Profile.FAST], fill_reach=0)
 
 
 def find_range(
-    backend: Backend, left: Picture, right: Picture, valid_left: Bytes, valid_right: Bytes
+    backend: Backend,
+    left: Picture,
+    right: Picture,
+    valid_left: Bytes,
+    valid_right: Bytes,
+    *,
+    infinity_px: float | None = None,
 ) -> tuple[int, int]:
     """Find the disparity range of a rectified pair.
 
@@ -35,6 +44,7 @@ def find_range(
         backend: where to compute.
         left, right: rectified pictures of one size.
         valid_left, valid_right: (H, W), 0 where a picture has no content.
+        infinity_px: disparity of a point at infinity, under which nothing can be; None where it is not known.
 
     Returns:
         Smallest disparity and how many, px. Searched are a quarter of the width below 0 and three quarters above.
@@ -43,7 +53,31 @@ def find_range(
     size = (max(1, left.shape[1] // factor), max(1, left.shape[0] // factor))
     pictures = [cv2.resize(picture, size, interpolation=cv2.INTER_AREA) for picture in (left, right)]
     masks = [cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST) for mask in (valid_left, valid_right)]
-    smallest, count = -(size[0] // 4), max(1, size[0])
+    scale = left.shape[1] / size[0]
+    smallest, end = -(size[0] // 4), size[0] - size[0] // 4
+    if infinity_px is not None:
+        smallest = max(smallest, math.floor(infinity_px / scale))
+    count = max(1, end - smallest)
+    smooth = _coarse(backend, pictures, masks, smallest, count, _SMOOTH)
+    if len(smooth) < 0.01 * size[0] * size[1]:
+        whole = (math.floor(smallest * scale), math.ceil(count * scale))
+        _log.warning("the coarse match found too little to tell the disparity range; searching all of %s", whole)
+        return whole
+    low, high = _ends(smooth, smallest, count)
+    thin = _coarse(backend, pictures, masks, smallest, count, _THIN)
+    if len(thin):
+        high = max(high, _ends(thin, smallest, count)[1])
+    first = (low - MARGIN - FARTHER * (high - low)) * scale
+    last = (high + MARGIN + NEARER * (high - low)) * scale
+    if infinity_px is not None:
+        first = max(first, infinity_px)
+    return math.floor(first), max(1, math.ceil(last) - math.floor(first))
+
+
+def _coarse(
+    backend: Backend, pictures: list[Picture], masks: list[Bytes], smallest: int, count: int, options: MatchOptions
+) -> Floats:
+    """Disparities that a coarse match is sure of, as a list."""
     found = match_on(
         backend,
         backend.upload(pictures[0]),
@@ -53,22 +87,18 @@ def find_range(
         smallest=smallest,
         disparities=count,
         reference=View.LEFT,
-        options=_COARSE,
+        options=options,
         watch=Stopwatch(),
     )
-    values = backend.download(found.values)
-    values = values[np.isfinite(values)]
-    if len(values) < 0.01 * size[0] * size[1]:
-        whole = (0, max(1, left.shape[1] // 4))
-        _log.warning("the coarse match found too little to tell the disparity range; searching %s", whole)
-        return whole
-    histogram = np.bincount(np.floor(values).astype(int) - smallest, minlength=count)
+    values: Floats = backend.download(found.values)
+    return values[np.isfinite(values)]
+
+
+def _ends(values: Floats, smallest: int, count: int) -> tuple[int, int]:
+    """First and last whole disparity, exclusive, that enough values have."""
+    indices = np.clip(np.floor(values).astype(int) - smallest, 0, count - 1)
+    histogram = np.bincount(indices, minlength=count)
     kept = np.flatnonzero(histogram >= max(3, SMALLEST_SHARE * len(values)))
     if not len(kept):
         kept = np.array([histogram.argmax()])
-    found_range = int(kept[-1]) + 1 - int(kept[0])
-    first = int(kept[0]) + smallest - MARGIN - FARTHER * found_range
-    last = int(kept[-1]) + 1 + smallest + MARGIN + NEARER * found_range
-    scale = left.shape[1] / size[0]
-    low, high = int(np.floor(first * scale)), int(np.ceil(last * scale))
-    return low, high - low
+    return int(kept[0]) + smallest, int(kept[-1]) + 1 + smallest

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -12,23 +11,14 @@ from stereo_gpu.backends import Backend, DeviceArray, open_backend
 from stereo_gpu.config import PROFILES, MatchOptions, Profile
 from stereo_gpu.errors import InputError
 from stereo_gpu.images import check_pair
-from stereo_gpu.prepare import DeviceView, grey_scale, prepare_view
-from stereo_gpu.refine import refine
+from stereo_gpu.prepare import grey_scale, prepare_view
+from stereo_gpu.refine import better, complete, lean, verify
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.types import Bytes, Disparity, Floats, Picture, Validity, View
+from stereo_gpu.winners import Winners, find_winners, volume_bytes
 
 LARGEST_RANGE = 8192  # winner_key holds a disparity's index in 13 bits
 Range = tuple[int, int] | Literal["auto"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class DeviceDisparity:
-    """A disparity map on the device; score is the winner's NCC, ratio the second best peak over it."""
-
-    values: DeviceArray
-    validity: DeviceArray
-    score: DeviceArray
-    ratio: DeviceArray
 
 
 def match(
@@ -50,7 +40,7 @@ def match(
         disparities: smallest disparity and how many to search, px, or "auto" to find the range first.
         window: side of the correlation window, px, odd, 3 to 31; None takes the profile's.
         reference: the view that the map is laid out on, "right" as in the paper, or "left".
-        profile: "paper" (the paper's appendix and median filter) or "fast".
+        profile: "paper" (the paper's appendix and median filter), "fast" or "precise".
         mask: (H, W), 0 where the reference view is not to be matched.
         other_mask: (H, W), 0 where the other view has no content.
         backend: where to compute; None takes STEREO_GPU_BACKEND, else the best device.
@@ -105,7 +95,7 @@ def match_on(
     reference: View,
     options: MatchOptions,
     watch: Stopwatch,
-) -> DeviceDisparity:
+) -> Winners:
     """Match pictures that are on the device; the map stays there.
 
     Args:
@@ -127,23 +117,22 @@ def match_on(
         views += [prepare_view(backend, right, scales[1], masks[reference is View.LEFT], options)]
         backend.finish()
     ours, theirs = views if reference is View.LEFT else views[::-1]
-    direction = 1 if reference is View.RIGHT else -1
-    with watch.step("correlation"):
-        found, other = correlate(backend, ours, theirs, smallest, disparities, direction, options)
-        backend.finish()
+    search = {"smallest": smallest, "disparities": disparities, "direction": 1 if reference is View.RIGHT else -1}
+    found: Winners | None = None
+    for row_slope in options.row_slopes:
+        with watch.step("correlation"):
+            winners = find_winners(backend, ours, theirs, **search, row_slope=row_slope, options=options)
+            backend.finish()
+        with watch.step("refinement"):
+            winners = verify(backend, winners, **search, options=options)
+            winners = lean(backend, winners, ours, theirs, search["direction"], options)
+            found = winners if found is None else better(backend, found, winners)
+            backend.finish()
+    assert found is not None  # there is always a first slope
     with watch.step("refinement"):
-        values, validity = refine(
-            backend,
-            found.values,
-            found.validity,
-            other,
-            smallest=smallest,
-            disparities=disparities,
-            direction=direction,
-            options=options,
-        )
+        found = complete(backend, found, options)
         backend.finish()
-    return dataclasses.replace(found, values=values, validity=validity)
+    return found
 
 
 def check_range(disparities: tuple[int, int], width: int) -> tuple[int, int]:
@@ -193,7 +182,7 @@ def parse_profile(name: str) -> Profile:
 
 def download_disparity(
     backend: Backend,
-    found: DeviceDisparity,
+    found: Winners,
     smallest: int,
     disparities: int,
     reference: View,
@@ -201,7 +190,7 @@ def download_disparity(
     options: MatchOptions,
     watch: Stopwatch,
 ) -> Disparity:
-    """Copy a map back; confidence is the NCC, less the more a second peak comes close to it."""
+    """Copy a map back; confidence is the NCC, less the more a second peak comes close to it where one is known."""
     values, validity = backend.download(found.values), backend.download(found.validity)
     score: Floats = backend.download(found.score)
     ratio: Floats = backend.download(found.ratio)
@@ -209,7 +198,7 @@ def download_disparity(
     return Disparity(
         values=values,
         validity=validity,
-        confidence=np.where(good, np.clip(score * (1 - ratio), 0, 1), np.float32(0)),
+        confidence=np.where(good, np.clip(score if options.slant_rounds else score * (1 - ratio), 0, 1), np.float32(0)),
         reference=reference,
         smallest=smallest,
         disparities=disparities,
@@ -230,65 +219,12 @@ def check_match_memory(backend: Backend, width: int, height: int, disparities: i
     # Two pictures, two views with sums, and the maps before and after each refinement.
     needed, largest = pixels * 90, pixels * 12
     remedy = "use smaller pictures"
-    if options.whole_volume:
-        largest = max(largest, pixels * disparities * 4)
-        needed += pixels * disparities * 4
-        remedy = "use profile fast, which never holds the cost volume, or fewer disparities"
+    volume = volume_bytes(width, height, disparities, options)
+    if volume:
+        largest = max(largest, volume)
+        needed += volume
+        remedy = "use profile fast, which never holds a cost volume, or fewer disparities"
     backend.check_memory(needed, largest, remedy)
-
-
-def correlate(
-    backend: Backend,
-    ours: DeviceView,
-    theirs: DeviceView,
-    smallest: int,
-    disparities: int,
-    direction: int,
-    options: MatchOptions,
-) -> tuple[DeviceDisparity, DeviceArray]:
-    """The winner of every pixel of our view, and the packed winner of every pixel of theirs."""
-    height, width = ours.grey.shape
-    found = DeviceDisparity(
-        values=backend.empty((height, width), np.float32),
-        validity=backend.empty((height, width), np.uint8),
-        score=backend.empty((height, width), np.float32),
-        ratio=backend.empty((height, width), np.float32),
-    )
-    other = backend.zeros((height, width), np.int32)
-    size = {"width": width, "height": height}
-    search = {"smallest": smallest, "disparities": disparities, "direction": direction}
-    views = {
-        "reference": ours.grey,
-        "other": theirs.grey,
-        "reference_sum": ours.window_sum,
-        "reference_inverse": ours.inverse_norm,
-        "other_sum": theirs.window_sum,
-        "other_inverse": theirs.inverse_norm,
-    }
-    winners = {
-        "disparity_out": found.values,
-        "score_out": found.score,
-        "ratio_out": found.ratio,
-        "validity_out": found.validity,
-        "other_out": other,
-    }
-    radius, subpixel = options.window // 2, int(options.subpixel)
-    if options.whole_volume:
-        volume = backend.empty((height, width, disparities), np.float32)
-        backend.launch("ncc_volume", **views, **size, **search, radius=radius, volume_out=volume)
-        backend.launch("wta", volume=volume, validity=ours.validity, **size, **search, subpixel=subpixel, **winners)
-    else:
-        backend.launch(
-            "ncc_wta",
-            **views,
-            validity=ours.validity,
-            **size,
-            **search,
-            radius=radius,
-            subpixel=subpixel,
-            **winners,
-        )
-    return found, other
 
 
 def _mask(mask: Bytes | None, shape: tuple[int, ...], name: str) -> Bytes:

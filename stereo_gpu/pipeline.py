@@ -57,7 +57,7 @@ def reconstruct(
     right: Source,
     rig: Rig,
     *,
-    profile: str = "fast",
+    profile: str = "precise",
     disparities: Range = "auto",
     mask: Bytes | None = None,
     backend: str | None = None,
@@ -112,7 +112,7 @@ def reconstruct(
 def reconstruct_rectified(
     pair: RectifiedPair,
     *,
-    profile: str = "fast",
+    profile: str = "precise",
     disparities: Range = "auto",
     mask: Bytes | None = None,
     backend: str | None = None,
@@ -167,11 +167,9 @@ def _from_rectified(
     with watch.step("range"):
         if job.disparities == "auto":
             masks = (wanted, other_valid) if job.view is View.LEFT else (other_valid, wanted)
-            smallest, count = find_range(device, pair.left, pair.right, *masks)
-            # Smaller ones than that of a point at infinity would lie behind the cameras.
-            infinity = math.floor(pair.cx_left - pair.cx_right)
-            if smallest < infinity < smallest + count:
-                smallest, count = infinity, smallest + count - infinity
+            smallest, count = find_range(
+                device, pair.left, pair.right, *masks, infinity_px=pair.cx_left - pair.cx_right
+            )
         else:
             smallest, count = job.disparities
     with watch.step("match"):

@@ -68,7 +68,7 @@ def plan_rectification(rig: Rig) -> Rectification:
         right.distortion,
         left.size,
         rig.R,
-        rig.T,
+        rig.T.reshape(3, 1),
         flags=cv2.CALIB_ZERO_DISPARITY,
         alpha=-1,
     )[:4]

@@ -113,6 +113,7 @@ def wta(volume, validity, smallest, direction, subpixel):
                 out[y, x] = validity[y, x] or OUT_OF_RANGE
                 continue
             index = row.index(best)
+            out[y, x] = 0
             padded = [0.0, *row, 0.0]
             peaks = [
                 padded[i + 1]
@@ -137,7 +138,11 @@ def consistency(disparity, other, validity, smallest, disparities, direction, to
             d = disparity[y, x]
             if math.isnan(d):
                 continue
-            back = other[y, clamp(x + direction * math.floor(d + 0.5), width)]
+            u = x + direction * math.floor(d + 0.5)
+            if u < -1 or u > width:
+                values[y, x], out[y, x] = math.nan, OCCLUDED
+                continue
+            back = other[y, clamp(u, width)]
             if back >= 0 and abs(smallest + back - d) <= tolerance:
                 continue
             agrees = False
@@ -163,7 +168,7 @@ def median(disparity, size):
     return out
 
 
-def support(disparity, validity, reach, step, tolerance, share):
+def support(disparity, validity, reach, step, tolerance, slope, share):
     """Keep values that at least share of the pixels on a grid around them have."""
     height, width = disparity.shape
     values, out = disparity.copy(), validity.copy()
@@ -176,11 +181,148 @@ def support(disparity, validity, reach, step, tolerance, share):
             for j in offsets:
                 for i in offsets:
                     if 0 <= y + j < height and 0 <= x + i < width:
-                        agreeing += abs(disparity[y + j, x + i] - disparity[y, x]) <= tolerance
+                        allowed = tolerance + slope * max(abs(i), abs(j))
+                        agreeing += abs(disparity[y + j, x + i] - disparity[y, x]) <= allowed
             if agreeing < share * len(offsets) ** 2:
                 values[y, x] = math.nan
                 out[y, x] = MISMATCH
     return values, out
+
+
+def census(picture, row_shift):
+    """62 comparisons with the centre as two lists of 31: the first half in reading order, and its mirror image."""
+    height, width = picture.shape
+    bits = np.zeros((height, width, 2), np.int64)
+    for y in range(height):
+        for x in range(width):
+            for k in range(31):
+                j, i = k // 9 - 3, k % 9 - 4
+                i += row_shift * j
+                for half, sign in ((0, 1), (1, -1)):
+                    near = picture[clamp(y + sign * j, height), clamp(x + sign * i, width)]
+                    bits[y, x, half] = bits[y, x, half] * 2 + int(near < picture[y, x])
+    return bits
+
+
+NO_MATCH, UNSEEN = 255, 254
+
+
+def census_volume(bits, other_bits, validity, other_validity, smallest, disparities, direction):
+    """Hamming distance of the bits, UNSEEN outside of the other picture, NO_MATCH where one is masked."""
+    height, width = validity.shape
+    cost = np.full((height, width, disparities), NO_MATCH)
+    for y in range(height):
+        for x in range(width):
+            for i in range(disparities):
+                u = x + direction * (smallest + i)
+                if validity[y, x] == MASKED:
+                    continue
+                if not 0 <= u < width:
+                    cost[y, x, i] = UNSEEN
+                elif other_validity[y, u] != MASKED:
+                    cost[y, x, i] = sum(
+                        int(a ^ b).bit_count() for a, b in zip(bits[y, x], other_bits[y, u], strict=True)
+                    )
+    return cost
+
+
+def aggregate(cost, picture, step_x, step_y, row_slope, small, large, at_edge, edge):
+    """What one direction adds to the volume: how much cheaper than the dearest path each path is."""
+    height, width, disparities = cost.shape
+    paths, added = {}, np.zeros(cost.shape)
+    ys = range(height) if step_y >= 0 else range(height - 1, -1, -1)
+    xs = range(width) if step_x >= 0 else range(width - 1, -1, -1)
+    for y in ys:
+        for x in xs:
+            q = (x - step_x, y - step_y)
+            path = [20.0 if c == UNSEEN else float(min(c, 62)) for c in cost[y, x]]
+            if q in paths:
+                old = paths[q]
+                changed = abs(float(picture[y, x]) - float(picture[q[1], q[0]])) > edge
+                for i in range(disparities):
+                    ways = [min(old) + (at_edge if changed else large)]
+                    for off, penalty in ((0, 0.0), (-1, small), (1, small)):
+                        e = i - row_slope * step_y + off
+                        if 0 <= e < disparities:
+                            ways.append(old[e] + penalty)
+                    path[i] += min(ways) - min(old)
+            paths[x, y] = path
+            for i in range(disparities):
+                if cost[y, x, i] != NO_MATCH:
+                    added[y, x, i] = 62 + large + 1 - path[i]
+    return added
+
+
+def slope(row, at, largest, reach=6):
+    """Change a pixel along a row of disparities: the mean of both sides, or the gentler one where they differ."""
+    sides = []
+    for a, b in ((at - reach, at), (at, at + reach)):
+        if a >= 0 and b < len(row) and abs((row[b] - row[a]) / reach) <= largest:
+            sides.append((row[b] - row[a]) / reach)
+    if len(sides) == 2 and abs(sides[0] - sides[1]) > 0.5:
+        return min(sides[::-1], key=abs)
+    return sum(sides) / len(sides) if sides else 0.0
+
+
+def slant(reference, other, disparity, radius, direction, step, largest_slope):
+    """Peak of the NCC of windows that lean with the least squares plane around each pixel."""
+    height, width = disparity.shape
+    values, scores = disparity.copy(), np.zeros((height, width))
+    for y in range(height):
+        for x in range(width):
+            if math.isnan(disparity[y, x]):
+                continue
+            sx, sy = slope(disparity[y], x, largest_slope), slope(disparity[:, x], y, largest_slope)
+            near = [
+                (i, j, disparity[y + j, x + i] - disparity[y, x])
+                for j in range(-6, 7, 2)
+                for i in range(-6, 7, 2)
+                if 0 <= y + j < height
+                and 0 <= x + i < width
+                and abs(disparity[y + j, x + i] - disparity[y, x] - sx * i - sy * j) <= 1
+            ]
+            centre = disparity[y, x]
+            i, j, v = np.array(near, float).T
+            spread = np.cov(i, j, bias=True) * len(near)
+            if len(near) >= 12 and np.linalg.det(spread) > len(near) ** 2:
+                offset, sx, sy = np.linalg.lstsq(np.column_stack([np.ones(len(i)), i, j]), v, rcond=None)[0]
+                centre += offset
+
+            def score(shift, x=x, y=y, centre=centre, sx=sx, sy=sy):
+                ours, theirs = [], []
+                for j in range(-radius, radius + 1):
+                    for i in range(-radius, radius + 1):
+                        at = clamp(y + j, height), clamp(x + i, width)
+                        plane = centre + sx * i + sy * j
+                        if abs(disparity[at] - plane) <= 1:
+                            ours.append(float(reference[at]))
+                            u = x + i + direction * (plane + shift)
+                            line = other[at[0] : at[0] + 1, :, None]
+                            theirs.append(float(bilinear(line, u, 0)[0]))
+                return (ncc(ours, theirs) if ours else None) or 0.0
+
+            here, below, above = score(0), score(-step), score(step)
+            moved, best = 0.0, here
+            if here >= below and here >= above:
+                if below - 2 * here + above < 0:
+                    moved = 0.5 * (below - above) / (below - 2 * here + above)
+            else:
+                moved, best = (-1.0, below) if below >= above else (1.0, above)
+            values[y, x] = centre + (moved if best >= 0.7 else 0.0) * step
+            scores[y, x] = max(best, 0.0)
+    return values, scores
+
+
+def merge(disparity, score, validity, rival_disparity, rival_score, rival_validity, margin):
+    """The rival where it alone has a value, or scores better by more than margin."""
+    maps = [disparity.copy(), score.copy(), validity.copy()]
+    for y, x in np.ndindex(disparity.shape):
+        if math.isnan(rival_disparity[y, x]):
+            continue
+        if math.isnan(disparity[y, x]) or rival_score[y, x] > score[y, x] + margin:
+            for mine, theirs in zip(maps, (rival_disparity, rival_score, rival_validity), strict=True):
+                mine[y, x] = theirs[y, x]
+    return maps
 
 
 def fill(disparity, validity, reach, tolerance):

@@ -242,7 +242,8 @@ def test_median(backend, size):
     np.testing.assert_array_equal(backend.download(out), reference.median(values, size))
 
 
-def test_support(backend):
+@pytest.mark.parametrize("slope", [0.0, 0.5])
+def test_support(backend, slope):
     values, validity = maps()
     disparity_out = junk(backend, values.shape, np.float32)
     validity_out = junk(backend, values.shape, np.uint8)
@@ -255,11 +256,12 @@ def test_support(backend):
         reach=7,
         step=3,
         tolerance=1.0,
+        slope=slope,
         share=0.3,
         disparity_out=disparity_out,
         validity_out=validity_out,
     )
-    want = reference.support(values, validity, 7, 3, 1.0, float(np.float32(0.3)))
+    want = reference.support(values, validity, 7, 3, 1.0, slope, float(np.float32(0.3)))
     np.testing.assert_array_equal(backend.download(disparity_out), want[0])
     np.testing.assert_array_equal(backend.download(validity_out), want[1])
     assert (want[1] != validity).any()

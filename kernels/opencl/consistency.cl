@@ -4,7 +4,7 @@
 
 // Take a disparity away where the other view's winner differs from it by more than tolerance px.
 // other holds winner_key. After Hirschmueller (PAMI 2008): a pixel is a mismatch if some disparity would have
-// agreed with the other view, else it is occluded.
+// agreed with the other view, else it is occluded, as is one whose match lies outside of the other picture.
 __kernel void consistency(
     // In:
     __global const float *disparity,
@@ -27,7 +27,14 @@ __kernel void consistency(
     disparity_out[pixel] = value;
     validity_out[pixel] = validity[pixel];
     if (value != value) return;
-    int key = other[y * width + clamp_index(x + direction * (int)floor(value + 0.5f), width)];
+    int u = x + direction * (int)floor(value + 0.5f);
+    if (u < -1 || u > width) {
+        disparity_out[pixel] = NAN;
+        validity_out[pixel] = OCCLUDED;
+        return;
+    }
+    // The sub-pixel part may round to one pixel past the edge.
+    int key = other[y * width + clamp_index(u, width)];
     float difference = (float)(smallest + 8191 - key % 8192) - value;
     if (key > 0 && difference <= tolerance && -difference <= tolerance) return;
     int verdict = OCCLUDED;

@@ -2,6 +2,7 @@
 #define MISMATCH 8
 
 // Keep a value that at least share of the pixels around it (within reach, every step-th) have, to tolerance px.
+// A surface may lean: the tolerance grows by slope px with each row or column of distance.
 // Pixels outside the picture or without a value do not share it.
 __kernel void support(
     // In:
@@ -12,6 +13,7 @@ __kernel void support(
     int reach,
     int step,
     float tolerance,
+    float slope,
     float share,
     // Out:
     __global float *disparity_out,
@@ -29,7 +31,9 @@ __kernel void support(
         int row = y + (k / across - reach / step) * step, column = x + (k % across - reach / step) * step;
         if (row < 0 || row >= height || column < 0 || column >= width) continue;
         float difference = disparity[row * width + column] - value;
-        agreeing += difference <= tolerance && -difference <= tolerance;
+        int down = row < y ? y - row : row - y, across_by = column < x ? x - column : column - x;
+        float allowed = tolerance + slope * (float)(down > across_by ? down : across_by);
+        agreeing += difference <= allowed && -difference <= allowed;
     }
     if ((float)agreeing < share * (float)(across * across)) {
         disparity_out[pixel] = NAN;

@@ -40,5 +40,5 @@ __kernel void wta(
     disparity_out[pixel] =
         found ? peak_disparity(peaks.index, peaks.best, peaks.before, peaks.after, smallest, subpixel) : NAN;
     ratio_out[pixel] = found ? peaks.second / peaks.best : 0.0f;
-    validity_out[pixel] = found || validity[pixel] ? validity[pixel] : OUT_OF_RANGE;
+    validity_out[pixel] = found ? 0 : validity[pixel] ? validity[pixel] : OUT_OF_RANGE;
 }

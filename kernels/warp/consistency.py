@@ -27,7 +27,7 @@ def consistency(
     """Take a disparity away where the other view's winner differs from it by more than tolerance px.
 
     other holds winner_key. After Hirschmueller (PAMI 2008): a pixel is a mismatch if some disparity would have
-    agreed with the other view, else it is occluded.
+    agreed with the other view, else it is occluded, as is one whose match lies outside of the other picture.
     """
     y, x = wp.tid()
     pixel = y * width + x
@@ -36,8 +36,13 @@ def consistency(
     validity_out[pixel] = validity[pixel]
     if wp.isnan(value):
         return
-    u = wp.clamp(x + direction * int(wp.floor(value + 0.5)), 0, width - 1)
-    key = other[y * width + u]
+    u = x + direction * int(wp.floor(value + 0.5))
+    if u < -1 or u > width:
+        disparity_out[pixel] = wp.nan
+        validity_out[pixel] = wp.uint8(OCCLUDED)
+        return
+    # The sub-pixel part may round to one pixel past the edge.
+    key = other[y * width + wp.clamp(u, 0, width - 1)]
     back = float(smallest + 8191 - key % 8192)
     if key > 0 and wp.abs(back - value) <= tolerance:
         return

@@ -17,12 +17,15 @@ def support(
     reach: int,
     step: int,
     tolerance: float,
+    slope: float,
     share: float,
     # Out:
     disparity_out: wp.array(dtype=float),
     validity_out: wp.array(dtype=wp.uint8),
 ):
     """Keep a value that at least share of the pixels around it (within reach, every step-th) have, to tolerance px.
+
+    A surface may lean: the tolerance grows by slope px with each row or column of distance.
 
     Pixels outside the picture or without a value do not share it.
     """
@@ -39,7 +42,8 @@ def support(
         row = y + (k // across - reach // step) * step
         column = x + (k % across - reach // step) * step
         if row >= 0 and row < height and column >= 0 and column < width:
-            if wp.abs(disparity[row * width + column] - value) <= tolerance:
+            distance = float(wp.max(wp.abs(row - y), wp.abs(column - x)))
+            if wp.abs(disparity[row * width + column] - value) <= tolerance + slope * distance:
                 agreeing += 1
     if float(agreeing) < share * float(across * across):
         disparity_out[pixel] = wp.nan

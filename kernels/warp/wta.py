@@ -48,5 +48,6 @@ def wta(
     if peaks.best > 0.0:
         disparity_out[pixel] = peak_disparity(peaks, smallest, subpixel)
         ratio_out[pixel] = peaks.second / peaks.best
+        validity_out[pixel] = wp.uint8(0)
     elif validity[pixel] == wp.uint8(0):
         validity_out[pixel] = wp.uint8(OUT_OF_RANGE)

@@ -1,0 +1,149 @@
+"""Winner takes all, for both views: over fused NCC, over an NCC volume, or over costs smoothed along 8 paths."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from stereo_gpu.backends import Backend, DeviceArray
+from stereo_gpu.config import MatchOptions
+from stereo_gpu.prepare import DeviceView
+
+EIGHT_PATHS = ((1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1))
+# Keeps the sum of 8 paths under 1, and as a power of two every sum exact.
+PATH_WEIGHT = 1.0 / 4096.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Winners:
+    """The best disparity of every pixel, on the device.
+
+    Args:
+        values: (H, W) float32, px; NaN where nothing matches.
+        validity: (H, W) uint8, bits of Validity.
+        score: (H, W) float32, of the winner; its NCC, or its share of the best possible sum over paths.
+        ratio: (H, W) float32, second best peak over best.
+        other: (H, W) int32, the other view's winners, packed as winner_key in kernels/warp/peaks.py says.
+    """
+
+    values: DeviceArray
+    validity: DeviceArray
+    score: DeviceArray
+    ratio: DeviceArray
+    other: DeviceArray
+
+
+def find_winners(
+    backend: Backend,
+    ours: DeviceView,
+    theirs: DeviceView,
+    *,
+    smallest: int,
+    disparities: int,
+    direction: int,
+    options: MatchOptions,
+    row_slope: int = 0,
+) -> Winners:
+    """Find the best disparity of every pixel of our view, and of theirs.
+
+    Args:
+        backend: where the views are.
+        ours, theirs: the reference view and the other one.
+        smallest, disparities: the range to search.
+        direction: 1 for the right view as reference, -1 for the left one.
+        options: which measure, and its window or penalties.
+        row_slope: disparity change a row, px, of the surfaces that smooth paths and census windows expect.
+    """
+    height, width = ours.grey.shape
+    found = Winners(
+        values=backend.empty((height, width), np.float32),
+        validity=backend.empty((height, width), np.uint8),
+        score=backend.empty((height, width), np.float32),
+        ratio=backend.empty((height, width), np.float32),
+        other=backend.zeros((height, width), np.int32),
+    )
+    outputs: dict[str, Any] = {
+        "disparity_out": found.values,
+        "score_out": found.score,
+        "ratio_out": found.ratio,
+        "validity_out": found.validity,
+        "other_out": found.other,
+    }
+    size: dict[str, Any] = {"width": width, "height": height}
+    search: dict[str, Any] = {"smallest": smallest, "disparities": disparities, "direction": direction}
+    take: dict[str, Any] = {"validity": ours.validity, "subpixel": int(options.subpixel)}
+    if options.smooth_paths:
+        volume = _smoothed_volume(backend, ours, theirs, size, search, row_slope, options)
+        backend.launch("wta", volume=volume, **take, **size, **search, **outputs)
+        return found
+    views: dict[str, Any] = {
+        "reference": ours.grey,
+        "other": theirs.grey,
+        "reference_sum": ours.window_sum,
+        "reference_inverse": ours.inverse_norm,
+        "other_sum": theirs.window_sum,
+        "other_inverse": theirs.inverse_norm,
+        "radius": options.window // 2,
+    }
+    if options.whole_volume:
+        volume = backend.empty((height, width, disparities), np.float32)
+        backend.launch("ncc_volume", **views, **size, **search, volume_out=volume)
+        backend.launch("wta", volume=volume, **take, **size, **search, **outputs)
+    else:
+        backend.launch("ncc_wta", **views, **take, **size, **search, **outputs)
+    return found
+
+
+def volume_bytes(width: int, height: int, disparities: int, options: MatchOptions) -> int:
+    """Bytes of the volumes that these options hold; 0 for the fused form."""
+    cells = width * height * disparities
+    return cells * 5 if options.smooth_paths else cells * 4 if options.whole_volume else 0
+
+
+def _smoothed_volume(
+    backend: Backend,
+    ours: DeviceView,
+    theirs: DeviceView,
+    size: dict[str, Any],
+    search: dict[str, Any],
+    row_slope: int,
+    options: MatchOptions,
+) -> DeviceArray:
+    """Census costs, aggregated along 8 paths: larger is better, 0 where there is no match."""
+    height, width = ours.grey.shape
+    bits = []
+    for view, row_shift in ((ours, 0), (theirs, search["direction"] * row_slope)):
+        bits.append(backend.empty((height, width, 2), np.int32))
+        backend.launch("census", picture=view.grey, **size, row_shift=row_shift, bits_out=bits[-1])
+    cost = backend.empty((height, width, search["disparities"]), np.uint8)
+    backend.launch(
+        "census_volume",
+        reference_bits=bits[0],
+        other_bits=bits[1],
+        reference_validity=ours.validity,
+        other_validity=theirs.validity,
+        **size,
+        **search,
+        cost_out=cost,
+    )
+    volume = backend.zeros((height, width, search["disparities"]), np.float32)
+    for step_x, step_y in EIGHT_PATHS:
+        backend.launch(
+            "aggregate",
+            cost=cost,
+            picture=ours.grey,
+            **size,
+            disparities=search["disparities"],
+            step_x=step_x,
+            step_y=step_y,
+            row_slope=row_slope,
+            small_penalty=options.small_penalty,
+            large_penalty=options.large_penalty,
+            edge_penalty=options.edge_penalty,
+            edge=options.edge_grey,
+            weight=PATH_WEIGHT,
+            volume_out=volume,
+        )
+    return volume

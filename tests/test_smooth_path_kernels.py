@@ -1,0 +1,143 @@
+"""Census, semi-global aggregation, leaning windows and merge against the loops in reference.py, on every device."""
+
+import cv2
+import numpy as np
+import pytest
+import reference
+
+WIDTH, HEIGHT = 43, 29
+EIGHT = [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1)]
+# Plane fits and leaning windows are sums of up to 81 products in single precision.
+SLANT_TOLERANCE = 2e-3
+# A pixel of the surroundings may be taken in or left out by rounding, and a peak may change sides.
+SHARE_OF_FLIPS = 0.01
+
+
+def junk(backend, shape, dtype):
+    return backend.upload(np.full(shape, 77, dtype))
+
+
+def picture(seed):
+    noise = np.random.default_rng(seed).normal(0, 60, (HEIGHT, WIDTH))
+    return np.round(np.clip(cv2.GaussianBlur(noise, (0, 0), 1.0) * 3, -128, 127)).astype(np.float32)
+
+
+@pytest.mark.parametrize("row_shift", [0, 1, -1])
+def test_census(backend, row_shift):
+    source = picture(1)
+    out = junk(backend, (HEIGHT, WIDTH, 2), np.int32)
+    held = backend.upload(source)
+    backend.launch("census", picture=held, width=WIDTH, height=HEIGHT, row_shift=row_shift, bits_out=out)
+    np.testing.assert_array_equal(backend.download(out), reference.census(source, row_shift))
+
+
+@pytest.mark.parametrize(("smallest", "disparities", "direction"), [(0, 9, 1), (-3, 12, -1)])
+def test_census_volume(backend, smallest, disparities, direction):
+    rng = np.random.default_rng(2)
+    bits, other_bits = (rng.integers(0, 1 << 31, (HEIGHT, WIDTH, 2)).astype(np.int32) for _ in range(2))
+    validity, other_validity = (np.where(rng.random((HEIGHT, WIDTH)) < 0.1, 16, 2).astype(np.uint8) for _ in range(2))
+    out = junk(backend, (HEIGHT, WIDTH, disparities), np.uint8)
+    backend.launch(
+        "census_volume",
+        reference_bits=backend.upload(bits),
+        other_bits=backend.upload(other_bits),
+        reference_validity=backend.upload(validity),
+        other_validity=backend.upload(other_validity),
+        width=WIDTH,
+        height=HEIGHT,
+        smallest=smallest,
+        disparities=disparities,
+        direction=direction,
+        cost_out=out,
+    )
+    want = reference.census_volume(bits, other_bits, validity, other_validity, smallest, disparities, direction)
+    np.testing.assert_array_equal(backend.download(out), want)
+    assert {reference.UNSEEN, reference.NO_MATCH} <= set(np.unique(want))
+
+
+@pytest.mark.parametrize("row_slope", [0, 1])
+@pytest.mark.parametrize("step", EIGHT)
+def test_aggregate(backend, step, row_slope):
+    rng = np.random.default_rng(3)
+    cost = rng.integers(0, 63, (HEIGHT, WIDTH, 11)).astype(np.uint8)
+    cost[rng.random(cost.shape) < 0.05] = reference.UNSEEN
+    cost[4:9, 6:12] = reference.NO_MATCH
+    source = picture(4)
+    start = rng.integers(0, 50, cost.shape).astype(np.float32)
+    volume = backend.upload(start)
+    backend.launch(
+        "aggregate",
+        cost=backend.upload(cost),
+        picture=backend.upload(source),
+        width=WIDTH,
+        height=HEIGHT,
+        disparities=11,
+        step_x=step[0],
+        step_y=step[1],
+        row_slope=row_slope,
+        small_penalty=9.0,
+        large_penalty=40.0,
+        edge_penalty=20.0,
+        edge=25.0,
+        weight=0.25,
+        volume_out=volume,
+    )
+    want = start + 0.25 * reference.aggregate(cost, source, *step, row_slope, 9.0, 40.0, 20.0, 25.0)
+    np.testing.assert_array_equal(backend.download(volume), want)
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_slant(backend, direction):
+    source = picture(5)
+    x, y = np.meshgrid(np.arange(WIDTH, dtype=np.float32), np.arange(HEIGHT, dtype=np.float32))
+    truth = 3 + 0.4 * y + 0.1 * x
+    truth[:, 28:] += 6
+    other = cv2.remap(source, x - direction * truth, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT)
+    disparity = truth + np.random.default_rng(6).uniform(-0.4, 0.4, truth.shape).astype(np.float32)
+    disparity[10:13, 5:9] = np.nan
+    outputs = [junk(backend, truth.shape, np.float32) for _ in range(2)]
+    backend.launch(
+        "slant",
+        reference=backend.upload(source),
+        other=backend.upload(other),
+        disparity=backend.upload(disparity),
+        width=WIDTH,
+        height=HEIGHT,
+        radius=3,
+        direction=direction,
+        step=0.5,
+        largest_slope=1.5,
+        disparity_out=outputs[0],
+        score_out=outputs[1],
+    )
+    values, scores = (backend.download(a) for a in outputs)
+    want, want_scores = reference.slant(source, other, disparity.astype(float), 3, direction, 0.5, 1.5)
+    np.testing.assert_array_equal(np.isnan(values), np.isnan(want))
+    given = np.isfinite(want)
+    assert (np.abs(values - want)[given] > SLANT_TOLERANCE).mean() <= SHARE_OF_FLIPS
+    assert (np.abs(scores - want_scores) > SLANT_TOLERANCE).mean() <= SHARE_OF_FLIPS
+    assert (want_scores[given] > 0.7).any()
+
+
+def test_merge(backend):
+    rng = np.random.default_rng(7)
+    maps = []
+    for _ in range(2):
+        values = rng.uniform(0, 9, (HEIGHT, WIDTH)).astype(np.float32)
+        values[rng.random(values.shape) < 0.3] = np.nan
+        score = rng.random(values.shape).astype(np.float32)
+        maps += [values, score, np.where(np.isnan(values), 4, 0).astype(np.uint8)]
+    outputs = [junk(backend, (HEIGHT, WIDTH), t) for t in (np.float32, np.float32, np.uint8)]
+    names = ["disparity", "score", "validity", "rival_disparity", "rival_score", "rival_validity"]
+    backend.launch(
+        "merge",
+        **{name: backend.upload(array) for name, array in zip(names, maps, strict=True)},
+        width=WIDTH,
+        height=HEIGHT,
+        margin=0.125,
+        disparity_out=outputs[0],
+        score_out=outputs[1],
+        validity_out=outputs[2],
+    )
+    for got, want in zip(outputs, reference.merge(*maps, np.float32(0.125)), strict=True):
+        np.testing.assert_array_equal(backend.download(got), want)
