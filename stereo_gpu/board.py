@@ -17,12 +17,12 @@ from stereo_gpu.types import Bytes, Floats, Picture
 
 FEWEST_SQUARES = 4  # a side: OpenCV's finders want three inner corners
 MOST_SQUARES = 200
+SMALLEST_SQUARE = 4  # px: OpenCV fails outright on a picture of a few pixels
 WORKING_SIDE = 1600  # px: on larger pictures the board is found on a smaller copy, then refined on the whole one
 REFINEMENT_WINDOW = 0.25  # of the shortest distance between corners; at 0.4 it reaches into the next square
 LARGEST_WINDOW = 15  # px, half a side
-SECTOR_FLAGS = (  # each finds boards that the others miss
+SECTOR_FLAGS = (  # each finds boards that the other misses
     cv2.CALIB_CB_ACCURACY,
-    cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_EXHAUSTIVE,
     cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE,
 )
 CLASSIC_FLAGS = (
@@ -105,8 +105,12 @@ def find_board(picture: Picture, board: Board) -> Floats | None:
     first corner is left open; going along a row and then down the rows always turns clockwise.
     """
     flat = grey(picture)
-    for scaled in _copies(flat):
-        corners = _search(scaled, board.corners)
+    if min(flat.shape) < SMALLEST_SQUARE * min(board.columns, board.rows):
+        return None
+    for number, scaled in enumerate(_copies(flat)):
+        # What every finder missed on the picture itself is seldom there: a quicker search of the other copies.
+        quick = (SECTOR_FLAGS[:1], CLASSIC_FLAGS[:1])
+        corners = _search(scaled, board.corners, *(quick if number else (SECTOR_FLAGS, CLASSIC_FLAGS)))
         if corners is not None:
             scale = flat.shape[1] / scaled.shape[1], flat.shape[0] / scaled.shape[0]
             return _refine(flat, _clockwise((corners + 0.5) * scale - 0.5, board), board)
@@ -117,8 +121,10 @@ def survey_boards(pictures: Iterable[Picture]) -> Counter[tuple[int, int]]:
     """How many of the pictures show a board of how many squares, (longer side, shorter side); a hint."""
     seen: Counter[tuple[int, int]] = Counter()
     for picture in pictures:
-        # Starting from 3 x 3 corners, the finder grows the board as far as it goes and says how far that was.
         flat, flags = _shrunk(grey(picture)), cv2.CALIB_CB_LARGER | cv2.CALIB_CB_NORMALIZE_IMAGE
+        if min(flat.shape) < SMALLEST_SQUARE * FEWEST_SQUARES:
+            continue
+        # Starting from 3 x 3 corners, the finder grows the board as far as it goes and says how far that was.
         found, _, meta = cv2.findChessboardCornersSBWithMeta(flat, (3, 3), flags)
         if found and meta is not None:
             seen[max(meta.shape[:2]) + 1, min(meta.shape[:2]) + 1] += 1
@@ -142,12 +148,14 @@ def _copies(flat: Bytes) -> Iterator[Bytes]:
         yield cv2.resize(flat, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
 
 
-def _search(flat: Bytes, size: tuple[int, int]) -> Floats | None:
-    for flags in SECTOR_FLAGS:
+def _search(
+    flat: Bytes, size: tuple[int, int], sector_flags: tuple[int, ...], classic_flags: tuple[int, ...]
+) -> Floats | None:
+    for flags in sector_flags:
         found, corners = cv2.findChessboardCornersSB(flat, size, flags=flags)
         if found:
             return np.asarray(corners, np.float32).reshape(-1, 2)
-    for flags in CLASSIC_FLAGS:
+    for flags in classic_flags:
         found, corners = cv2.findChessboardCorners(flat, size, flags=flags)
         if found:
             return np.asarray(corners, np.float32).reshape(-1, 2)

@@ -17,7 +17,7 @@ from stereo_gpu.images import check_picture, read_image
 from stereo_gpu.types import Floats, Picture
 
 FEWEST_PAIRS = 3
-SURVEYED_PAIRS = 6  # looked at first, for boards of any size, so that a wrong count shows early
+SURVEYED_PAIRS = 5  # looked at first, for boards of any size, so that a wrong count shows early
 
 Source = str | os.PathLike[str] | Picture
 Progress = Callable[[int, int], None]

@@ -265,7 +265,8 @@ def _refuse_nonsense(rig: Rig, distance: float) -> None:
         raise CalibrationError(
             f"T = ({shift}) {rig.unit}: the cameras stand at one point; are left and right the same pictures?"
         )
-    if rig.T[0] > 0 and rig.T[0] == np.abs(rig.T).max():
+    right_camera = -rig.R.T @ rig.T  # where it stands in the left camera's frame
+    if -right_camera[0] == np.abs(right_camera).max():
         raise CalibrationError(
             f"T = ({shift}) {rig.unit}, but T[0] must be below zero, as X_right = R X_left + T: left and right look"
             " swapped, give them the other way round"

@@ -17,7 +17,7 @@ from stereo_gpu.types import Bytes, Floats, Picture
 
 GRABCUT_SIDE = 640  # px: GrabCut works on a copy of at most this size; its time grows faster than the area
 SURROUNDINGS = 0.3  # of the rectangle, on each side: what background is learnt from
-LEAST_OBJECT = 1e-3  # of the rectangle: a mask smaller than that found nothing
+LEAST_OBJECT = 0.02  # of the rectangle: a mask smaller than that found nothing
 TEXTURE_SIGMA = 3.0  # px
 SMALLEST_RECTANGLE = 3  # px a side
 SEED = 5
@@ -77,10 +77,9 @@ def mask_from_rectangle(picture: Picture, rectangle: tuple[int, int, int, int], 
         labels = cv2.resize(labels, crop.shape[1::-1], interpolation=cv2.INTER_NEAREST)
     if not (labels == cv2.GC_BGD).any() or not (labels == cv2.GC_PR_FGD).any():
         raise InputError(f"rectangle {x},{y} {width} x {height} leaves no background around it: draw it closer")
-    cv2.setRNGSeed(SEED)  # GrabCut starts from random clusters
-    models = np.zeros((1, 65)), np.zeros((1, 65))
-    cv2.grabCut(_features(crop), labels, None, *models, iterations, cv2.GC_INIT_WITH_MASK)
-    inside = ((labels == cv2.GC_FGD) | (labels == cv2.GC_PR_FGD)).astype(np.uint8)
+    inside = _grabcut(_colours(crop), labels, iterations)
+    if picture.ndim == 2 and inside.sum() < LEAST_OBJECT * (labels == cv2.GC_PR_FGD).sum():
+        inside = _grabcut(_texture(crop), labels, iterations)
     if scale < 1:
         # Interpolated and cut at half, so that the outline has no stairs.
         full = picture[y0:y1, x0:x1].shape[1::-1]
@@ -115,13 +114,25 @@ def mask_from_depth(depth: Floats, near: float, far: float) -> Bytes:
     return ((z >= near) & (z <= far)).astype(np.uint8)
 
 
-def _features(picture: Picture) -> Bytes:
-    """Three bands for GrabCut: the colours, or of a grey picture its value, its surroundings and its texture.
+def _grabcut(bands: Bytes, labels: Bytes, iterations: int) -> Bytes:
+    """1 where GrabCut sees the object."""
+    labels = labels.copy()
+    cv2.setRNGSeed(SEED)  # GrabCut starts from random clusters
+    cv2.grabCut(bands, labels, None, np.zeros((1, 65)), np.zeros((1, 65)), iterations, cv2.GC_INIT_WITH_MASK)
+    inside: Bytes = ((labels == cv2.GC_FGD) | (labels == cv2.GC_PR_FGD)).astype(np.uint8)
+    return inside
 
-    Grey alone says too little: of the cup on the grey curtain it found nothing, with these the outline.
+
+def _colours(picture: Picture) -> Bytes:
+    return np.dstack([grey(picture if picture.ndim == 2 else picture[..., band]) for band in range(3)])
+
+
+def _texture(picture: Picture) -> Bytes:
+    """The value of a grey picture, of its surroundings, and its texture.
+
+    Where object and background are of the same greys, as the cup on the curtain, this still tells them apart;
+    it is the second choice since texture is blurred, and the outline with it.
     """
-    if picture.ndim == 3:
-        return np.dstack([grey(picture[..., band]) for band in range(3)])
     flat = grey(picture)
     value = flat.astype(np.float32)
     mean = cv2.GaussianBlur(value, (0, 0), TEXTURE_SIGMA)

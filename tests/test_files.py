@@ -1,0 +1,57 @@
+import os
+import resource
+import stat
+
+import pytest
+
+from stereo_gpu.errors import InputError
+from stereo_gpu.files import write_whole
+
+
+def test_writes_text_and_bytes(tmp_path):
+    assert write_whole(tmp_path / "a.txt", "Ä\n").read_bytes() == "Ä\n".encode()
+    assert write_whole(tmp_path / "b.bin", b"\x00\xff").read_bytes() == b"\x00\xff"
+
+
+def test_others_may_read_as_far_as_the_umask_allows(tmp_path):
+    before = os.umask(0o022)
+    try:
+        path = write_whole(tmp_path / "a", b"1")
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE(path.stat().st_mode) == 0o644
+
+
+def test_follows_a_link(tmp_path):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder" / "real").write_text("old")
+    (tmp_path / "link").symlink_to("folder/real")
+    write_whole(tmp_path / "link", "new")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "folder" / "real").read_text() == "new"
+
+
+def test_a_failed_write_leaves_the_old_file_and_nothing_else(tmp_path):
+    path = tmp_path / "model.bin"
+    path.write_text("old")
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))  # the nearest thing to a full disk
+    try:
+        with pytest.raises(InputError, match=r"model\.bin \(5000 bytes\)"):
+            write_whole(path, b"x" * 5000)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert path.read_text() == "old"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["model.bin"]
+
+
+def test_a_folder_that_cannot_take_the_file(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="no folder"):
+        write_whole(tmp_path / "missing" / "a", b"")
+    with pytest.raises(InputError, match="no folder"):
+        write_whole(tmp_path / "file" / "a", b"")
+    with pytest.raises(InputError, match="is a folder"):
+        write_whole(tmp_path, b"")
+    with pytest.raises(InputError, match="cannot write"):
+        write_whole("/proc/a", b"")
