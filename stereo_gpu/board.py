@@ -131,8 +131,8 @@ def survey_boards(pictures: Iterable[Picture]) -> Counter[tuple[int, int]]:
     return seen
 
 
-def _shrunk(flat: Bytes) -> Bytes:
-    scale = WORKING_SIDE / max(flat.shape)
+def _shrunk(flat: Bytes, side: int = WORKING_SIDE) -> Bytes:
+    scale = side / max(flat.shape)
     small: Bytes = cv2.resize(flat, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1 else flat
     return small
 
@@ -143,7 +143,7 @@ def _copies(flat: Bytes) -> Iterator[Bytes]:
     yield small
     yield cv2.createCLAHE(clipLimit=3.0, tileGridSize=(4, 4)).apply(small)
     if small is not flat:
-        yield flat
+        yield _shrunk(flat, 2 * WORKING_SIDE)
     elif 2 * max(flat.shape) <= WORKING_SIDE:
         yield cv2.resize(flat, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
 
