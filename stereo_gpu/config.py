@@ -30,7 +30,8 @@ class MatchOptions:
         row_slopes: disparity changes a row, px, that are tried in turn; of the maps that result the one that
             correlates better is taken at each pixel. 1 is a table seen at a grazing angle.
         slant_rounds: how often each disparity is then moved to the NCC peak of windows that lean with the surface.
-        slant_step_px: how far such a move may go, px.
+        slant_last_rounds: the same once more over the merged and filled map, from half the step.
+        slant_step_px: how far such a move may go in the first round, px; each further round halves it.
         slant_slope: largest disparity change a pixel that counts as a slope, not as a jump.
         whole_volume: whether the cost volume is held in memory, as the paper does, or fused with its winner.
         consistency_px: largest difference to the other view's winner, px; None for no left-right check.
@@ -53,6 +54,7 @@ class MatchOptions:
     edge_grey: float = 0.0
     row_slopes: tuple[int, ...] = (0,)
     slant_rounds: int = 0
+    slant_last_rounds: int = 0
     slant_step_px: float = 0.5
     slant_slope: float = 1.5
     whole_volume: bool = False
@@ -88,6 +90,7 @@ PROFILES = {
         edge_grey=12.0,
         row_slopes=(0, 1),
         slant_rounds=3,
+        slant_last_rounds=2,
         consistency_px=1.0,
         median=3,
         support_share=0.2,
@@ -110,7 +113,7 @@ class MeshOptions:
         unwrap_seconds: time limit for the charts, after which "view" is taken.
     """
 
-    max_jump_px: float = 1.5
+    max_jump_px: float = 3.0
     faces: int = 50_000
     smoothing: int = 10
     unwrap: str = "charts"

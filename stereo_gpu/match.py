@@ -125,12 +125,32 @@ def match_on(
             backend.finish()
         with watch.step("refinement"):
             winners = verify(backend, winners, **search, options=options)
-            winners = lean(backend, winners, ours, theirs, search["direction"], options)
+            winners = lean(
+                backend,
+                winners,
+                ours,
+                theirs,
+                search["direction"],
+                rounds=options.slant_rounds,
+                step_px=options.slant_step_px,
+                options=options,
+            )
             found = winners if found is None else better(backend, found, winners)
             backend.finish()
     assert found is not None  # there is always a first slope
     with watch.step("refinement"):
         found = complete(backend, found, options)
+        # Once more, now that holes are filled and the two slopes' maps meet.
+        found = lean(
+            backend,
+            found,
+            ours,
+            theirs,
+            search["direction"],
+            rounds=options.slant_last_rounds,
+            step_px=options.slant_step_px / 2,
+            options=options,
+        )
         backend.finish()
     return found
 

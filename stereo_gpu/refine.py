@@ -62,7 +62,15 @@ def complete(backend: Backend, found: Winners, options: MatchOptions) -> Winners
 
 
 def lean(
-    backend: Backend, found: Winners, ours: DeviceView, theirs: DeviceView, direction: int, options: MatchOptions
+    backend: Backend,
+    found: Winners,
+    ours: DeviceView,
+    theirs: DeviceView,
+    direction: int,
+    *,
+    rounds: int,
+    step_px: float,
+    options: MatchOptions,
 ) -> Winners:
     """Move each disparity to the NCC peak of windows that lean with the surface, in rounds of halving steps.
 
@@ -73,11 +81,12 @@ def lean(
         found: the disparities.
         ours, theirs: the reference view and the other one.
         direction: 1 for the right view as reference, -1 for the left one.
-        options: window, rounds, first step and largest slope.
+        rounds: how often; 0 for not at all.
+        step_px: how far a disparity may move in the first round, px.
+        options: window and largest slope.
     """
     height, width = found.values.shape
-    step = options.slant_step_px
-    for _ in range(options.slant_rounds):
+    for _ in range(rounds):
         moved = [backend.empty((height, width), np.float32) for _ in range(2)]
         backend.launch(
             "slant",
@@ -88,13 +97,13 @@ def lean(
             height=height,
             radius=options.window // 2,
             direction=direction,
-            step=step,
+            step=step_px,
             largest_slope=options.slant_slope,
             disparity_out=moved[0],
             score_out=moved[1],
         )
         found = dataclasses.replace(found, values=moved[0], score=moved[1])
-        step /= 2
+        step_px /= 2
     return found
 
 

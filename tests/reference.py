@@ -326,7 +326,7 @@ def merge(disparity, score, validity, rival_disparity, rival_score, rival_validi
 
 
 def fill(disparity, validity, reach, tolerance):
-    """Join the ends of short holes along each row; background where the ends differ."""
+    """Join the ends of short holes along each row; background where the ends differ; nothing at an edge."""
     height, width = disparity.shape
     values, out = disparity.copy(), validity.copy()
     for y in range(height):
@@ -340,11 +340,7 @@ def fill(disparity, validity, reach, tolerance):
                 end += 1
             before = disparity[y, x - 1] if x > 0 else math.nan
             after = disparity[y, end] if end < width else math.nan
-            before, after = (
-                (after if math.isnan(before) else before),
-                (before if math.isnan(after) else after),
-            )
-            if end - x <= reach and not math.isnan(before):
+            if end - x <= reach and not math.isnan(before) and not math.isnan(after):
                 for k in range(x, end):
                     share = (k - x + 1) / (end - x + 1)
                     joined = abs(after - before) <= tolerance

@@ -25,7 +25,7 @@ inline int empty(
 // Give a value to holes of at most reach pixels in a row; a filled pixel carries FILLED.
 // Ends that agree to tolerance px are joined by a line; else the hole is background that the nearer surface
 // hides from the other camera, and takes the smaller disparity. A hole that ends at the picture's or the
-// mask's edge takes the value of its one end.
+// mask's edge stays: nothing tells what is there.
 __kernel void fill(
     // In:
     __global const float *disparity,
@@ -50,9 +50,7 @@ __kernel void fill(
     if (left + right - 1 > reach) return;
     float before = value_at(disparity, validity, row, x - left, width);
     float after = value_at(disparity, validity, row, x + right, width);
-    before = before == before ? before : after;
-    after = after == after ? after : before;
-    if (before != before) return;
+    if (before != before || after != after) return;
     float value = before < after ? before : after, difference = after - before;
     if (difference <= tolerance && -difference <= tolerance)
         value = before + difference * ((float)left / (float)(left + right));

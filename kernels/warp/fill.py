@@ -51,7 +51,7 @@ def fill(
 
     Ends that agree to tolerance px are joined by a line; else the hole is background that the nearer surface
     hides from the other camera, and takes the smaller disparity. A hole that ends at the picture's or the
-    mask's edge takes the value of its one end.
+    mask's edge stays: nothing tells what is there.
     """
     y, x = wp.tid()
     pixel = y * width + x
@@ -69,11 +69,7 @@ def fill(
         return
     before = value_at(disparity, validity, y * width, x - left, width)
     after = value_at(disparity, validity, y * width, x + right, width)
-    if wp.isnan(before):
-        before = after
-    if wp.isnan(after):
-        after = before
-    if wp.isnan(before):
+    if wp.isnan(before) or wp.isnan(after):
         return
     value = wp.min(before, after)
     if wp.abs(after - before) <= tolerance:
