@@ -101,7 +101,7 @@ def _open(name: str) -> cv2.VideoCapture:
         cv2.utils.logging.setLogLevel(level)
     if not source.isOpened():
         raise InputError(
-            f"camera or video {name} cannot be opened: check that it is there and that nothing else uses it"
+            f"camera or video {name!r} cannot be opened: check that it is there and that nothing else uses it"
         )
     return source
 

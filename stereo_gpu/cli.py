@@ -52,6 +52,8 @@ class _Parser(argparse.ArgumentParser):
     """An argument parser whose errors are one line too."""
 
     def error(self, message: str) -> NoReturn:
+        if message.endswith("expected one argument"):
+            message += " (a value that begins with a minus needs an equals sign before it, as --disparities=-8,64)"
         self.exit(_fail(f"{message}; see {self.prog} --help", 2))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from stereo_gpu.backends import Backend
 from stereo_gpu.config import PROFILES, MatchOptions, Profile
-from stereo_gpu.match import match_on
+from stereo_gpu.match import LARGEST_RANGE, match_on
 from stereo_gpu.prepare import grey_scale
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.types import Bytes, Floats, Picture, View
@@ -62,7 +62,7 @@ def find_range(
     if len(smooth) < 0.01 * size[0] * size[1]:
         whole = (math.floor(smallest * scale), math.ceil(count * scale))
         _log.warning("the coarse match found too little to tell the disparity range; searching all of %s", whole)
-        return whole
+        return _limited(*whole)
     low, high = _ends(smooth, smallest, count)
     thin = _coarse(backend, pictures, masks, smallest, count, _THIN)
     if len(thin):
@@ -71,7 +71,18 @@ def find_range(
     last = (high + MARGIN + NEARER * (high - low)) * scale
     if infinity_px is not None:
         first = max(first, infinity_px)
-    return math.floor(first), max(1, math.ceil(last) - math.floor(first))
+    return _limited(math.floor(first), max(1, math.ceil(last) - math.floor(first)))
+
+
+def _limited(smallest: int, count: int) -> tuple[int, int]:
+    """The middle of a range that is longer than can be searched."""
+    if count <= LARGEST_RANGE:
+        return smallest, count
+    kept = smallest + (count - LARGEST_RANGE) // 2, LARGEST_RANGE
+    _log.warning(
+        "disparities from %d on, %d of them, are more than can be searched; searching %s", smallest, count, kept
+    )
+    return kept
 
 
 def _coarse(

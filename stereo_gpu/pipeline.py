@@ -249,7 +249,7 @@ def _cut_depth(disparity: Disparity, points: Floats, depth: tuple[float, float])
     if (outside == found).all():
         depths = points[..., 2][np.isfinite(points[..., 2])]
         there = f"from {depths.min():.4g} to {depths.max():.4g}" if len(depths) else "nowhere"
-        raise InputError(f"depth = {depth}: nothing lies there, points were found {there}; widen it")
+        raise InputError(f"depth = {depth[0]:g},{depth[1]:g}: nothing lies there, points were found {there}; widen it")
     cut = dataclasses.replace(
         disparity,
         values=np.where(outside, np.float32(np.nan), disparity.values),
