@@ -10,6 +10,8 @@ from typing import Any
 BLOCK = 64
 LANES = 8
 CHUNK = 32
+# The same as in opencl/aggregate.cl.
+PAD = 4
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ def geometry(kernel: str, language: str, arguments: Mapping[str, Any], units: in
         return Geometry((arguments["triangles"],))
     if kernel == "aggregate":
         lines = height if arguments["step_y"] == 0 else width + (height - 1 if arguments["step_x"] else 0)
-        return Geometry((lines,), {"lines": lines}, 2 * lines * arguments["disparities"], alone=True)
+        return Geometry((lines,), {"lines": lines}, 2 * lines * (arguments["disparities"] + 2 * PAD), alone=True)
     if kernel == "census_volume":
         return Geometry((arguments["disparities"], width, height))
     if kernel == "window_norms":
