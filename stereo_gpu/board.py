@@ -105,7 +105,7 @@ def find_board(picture: Picture, board: Board) -> Floats | None:
     first corner is left open; going along a row and then down the rows always turns clockwise.
     """
     flat = grey(picture)
-    if min(flat.shape) < SMALLEST_SQUARE * min(board.columns, board.rows):
+    if _too_thin(flat, min(board.columns, board.rows)):
         return None
     for number, scaled in enumerate(_copies(flat)):
         # What every finder missed on the picture itself is seldom there: a quicker search of the other copies.
@@ -121,14 +121,19 @@ def survey_boards(pictures: Iterable[Picture]) -> Counter[tuple[int, int]]:
     """How many of the pictures show a board of how many squares, (longer side, shorter side); a hint."""
     seen: Counter[tuple[int, int]] = Counter()
     for picture in pictures:
-        flat, flags = _shrunk(grey(picture)), cv2.CALIB_CB_LARGER | cv2.CALIB_CB_NORMALIZE_IMAGE
-        if min(flat.shape) < SMALLEST_SQUARE * FEWEST_SQUARES:
+        flat, flags = grey(picture), cv2.CALIB_CB_LARGER | cv2.CALIB_CB_NORMALIZE_IMAGE
+        if _too_thin(flat, FEWEST_SQUARES):
             continue
         # Starting from 3 x 3 corners, the finder grows the board as far as it goes and says how far that was.
-        found, _, meta = cv2.findChessboardCornersSBWithMeta(flat, (3, 3), flags)
+        found, _, meta = cv2.findChessboardCornersSBWithMeta(_shrunk(flat), (3, 3), flags)
         if found and meta is not None:
             seen[max(meta.shape[:2]) + 1, min(meta.shape[:2]) + 1] += 1
     return seen
+
+
+def _too_thin(flat: Bytes, squares: int) -> bool:
+    """Whether so many squares cannot be seen across the copy that is searched."""
+    return min(flat.shape) * min(1.0, WORKING_SIDE / max(flat.shape)) < SMALLEST_SQUARE * squares
 
 
 def _shrunk(flat: Bytes, side: int = WORKING_SIDE) -> Bytes:

@@ -8,7 +8,8 @@ import logging
 import math
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
@@ -25,8 +26,15 @@ PICTURES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".ppm", ".pgm", ".
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one subcommand; returns the exit status: 0, 2 for wrong input, 1 for any other failure."""
-    options = _parser().parse_args(arguments)
-    _start_logging(options.debug)
+    try:
+        options = _parser().parse_args(arguments)
+    except SystemExit as done:  # help, version, or an argument that is wrong
+        return int(done.code or 0)
+    with _messages(options.debug):
+        return _run(options)
+
+
+def _run(options: argparse.Namespace) -> int:
     try:
         options.run(options)
         sys.stdout.flush()
@@ -36,7 +44,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
         # Whoever read our output has had enough, as `stereo-gpu devices | head -1` does; what is still buffered
         # must not fail again when Python ends.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 0
     except StereoError as error:
         if options.debug:
             raise
@@ -65,12 +72,20 @@ class _OneLine(logging.Formatter):
         return f"{clear}stereo-gpu: {record.levelname.lower()}: {record.getMessage()}"
 
 
-def _start_logging(debug: bool) -> None:
+@contextmanager
+def _messages(debug: bool) -> Iterator[None]:
+    """Show what the library logs: warnings, or everything."""
     handler = logging.StreamHandler()
     handler.setFormatter(_OneLine())
     own = logging.getLogger("stereo_gpu")
-    own.handlers = [handler]
+    before = own.level
+    own.addHandler(handler)
     own.setLevel(logging.DEBUG if debug else logging.WARNING)
+    try:
+        yield
+    finally:
+        own.removeHandler(handler)
+        own.setLevel(before)
 
 
 def _fail(message: str, status: int) -> int:

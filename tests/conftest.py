@@ -10,6 +10,9 @@ import pytest
 
 from stereo_gpu.backends import devices, open_backend
 from stereo_gpu.errors import BackendError
+from stereo_gpu.images import write_png
+from stereo_gpu.scene import build_scene
+from stereo_gpu.scene_render import render_pair
 
 REQUIRED = {name for name in os.environ.get("STEREO_GPU_REQUIRE", "").split(",") if name}
 DATA = Path(os.environ.get("STEREO_GPU_DATA", Path(__file__).parents[1] / ".." / "shared" / "data"))
@@ -41,3 +44,19 @@ def data():
     if not DATA.is_dir():
         missing("data", f"no folder {DATA}; set STEREO_GPU_DATA")
     return DATA
+
+
+@pytest.fixture(scope="session")
+def small_scene():
+    """The built-in scene at 320 x 240, whose true cameras spare a test the calibration."""
+    return build_scene((320, 240))
+
+
+@pytest.fixture(scope="session")
+def raw_folder(small_scene, tmp_path_factory):
+    """A folder with the scene's raw pair, left.png and right.png, and its true rig, rig.json."""
+    folder = tmp_path_factory.mktemp("raw")
+    for name, picture in zip(("left", "right"), render_pair(small_scene), strict=True):
+        write_png(folder / f"{name}.png", picture)
+    small_scene.rig.save(folder / "rig.json")
+    return folder
