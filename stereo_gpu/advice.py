@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from stereo_gpu.check import PairCheck
-from stereo_gpu.match import coverage
 from stereo_gpu.types import Disparity
 from stereo_gpu.unwrap import Unwrapped
 
@@ -30,7 +29,7 @@ def find_warnings(checked: PairCheck, disparity: Disparity, unwrapped: Unwrapped
             f"Matched features differ by {checked.vertical_px:.2f} px in height (median of {checked.matches}):"
             " the cameras moved since the calibration, or the rig belongs to others. Calibrate again."
         )
-    covered = coverage(disparity)
+    covered = disparity.coverage
     if covered < LOW_COVERAGE:
         found.append(f"Only {covered:.0%} of the wanted pixels have a disparity: too little texture, or a wrong range.")
     good = disparity.values[disparity.validity == 0]

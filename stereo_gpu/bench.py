@@ -10,8 +10,9 @@ import numpy as np
 
 from stereo_gpu.backends import Backend, open_backend
 from stereo_gpu.config import PROFILES, MatchOptions, Profile
+from stereo_gpu.device_match import check_match_memory
 from stereo_gpu.errors import InputError
-from stereo_gpu.match import check_match_memory, match
+from stereo_gpu.match import match
 from stereo_gpu.prepare import prepare_view
 from stereo_gpu.types import Bytes
 from stereo_gpu.winners import find_winners, volume_bytes

@@ -277,7 +277,7 @@ def _match(options: argparse.Namespace) -> None:
     from stereo_gpu.figures import colour_disparity
     from stereo_gpu.files import check_writable, whole_folder
     from stereo_gpu.images import check_pair, read_image, write_png
-    from stereo_gpu.match import coverage, match
+    from stereo_gpu.match import match
 
     left, right = read_image(options.left), read_image(options.right)
     check_pair(left, right)
@@ -301,7 +301,7 @@ def _match(options: argparse.Namespace) -> None:
         write_png(new / "disparity.png", colour_disparity(disparity.values, bar=True))
     searched = f"{disparity.smallest} to {disparity.smallest + disparity.disparities - 1}"
     print(
-        f"{options.out}: disparity.pfm and disparity.png, {coverage(disparity):.1%} of the pixels have a value,"
+        f"{options.out}: disparity.pfm and disparity.png, {disparity.coverage:.1%} of the pixels have a value,"
         f" searched {searched} px in {sum(disparity.seconds.values()):.2f} s on {disparity.backend}"
     )
 

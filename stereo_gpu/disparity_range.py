@@ -11,7 +11,8 @@ import numpy as np
 
 from stereo_gpu.backends import Backend
 from stereo_gpu.config import PROFILES, MatchOptions, Profile
-from stereo_gpu.match import LARGEST_RANGE, match_on
+from stereo_gpu.device_match import match_on
+from stereo_gpu.match_options import LARGEST_RANGE
 from stereo_gpu.prepare import grey_scale
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.types import Bytes, Floats, Picture, View

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from stereo_gpu.config import PROFILES, MatchOptions, MeshOptions, Profile
 from stereo_gpu.errors import InputError
-from stereo_gpu.match import Range, check_options, check_range, parse_profile, parse_view
+from stereo_gpu.match_options import Range, check_options, check_range, parse_profile, parse_view
 from stereo_gpu.types import Bytes, Picture, View
 
 Rectangle = tuple[int, int, int, int]

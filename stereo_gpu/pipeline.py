@@ -15,13 +15,14 @@ from stereo_gpu.backends import Backend, open_backend
 from stereo_gpu.check import check_rectified, refuse_swapped
 from stereo_gpu.config import MeshOptions
 from stereo_gpu.decimate import decimate
+from stereo_gpu.device_match import download_disparity, match_on
 from stereo_gpu.disparity_range import find_range
 from stereo_gpu.errors import InputError
 from stereo_gpu.fairing import fair
 from stereo_gpu.images import check_pair, read_image
 from stereo_gpu.job import Job, Rectangle, check_against, plan_job
 from stereo_gpu.mask import mask_from_depth, mask_from_rectangle
-from stereo_gpu.match import Range, download_disparity, match_on
+from stereo_gpu.match_options import Range
 from stereo_gpu.mesh import build_mesh
 from stereo_gpu.prepare import grey_scale
 from stereo_gpu.rectify import DevicePair, check_rig, download_pair, plan_rectification, rectify_on

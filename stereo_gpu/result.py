@@ -16,7 +16,6 @@ from stereo_gpu import export, figures
 from stereo_gpu.check import PairCheck
 from stereo_gpu.files import whole_folder, write_whole
 from stereo_gpu.images import write_png
-from stereo_gpu.match import coverage
 from stereo_gpu.prepare import grey_scale
 from stereo_gpu.render import Shading, render, render_points
 from stereo_gpu.report import Figure, write_report
@@ -123,7 +122,7 @@ class Reconstruction:
                 "vertices": len(self.mesh.vertices),
                 "triangles": len(self.mesh.faces),
             },
-            "coverage": coverage(self.disparity),
+            "coverage": self.disparity.coverage,
             "vertical_px": None if math.isnan(self.checked.vertical_px) else self.checked.vertical_px,
             "warnings": self.warnings,
         }

@@ -125,6 +125,12 @@ class Disparity:
     options: dict[str, Any] = field(default_factory=dict)
     seconds: dict[str, float] = field(default_factory=dict)
 
+    @property
+    def coverage(self) -> float:
+        """Share of the pixels that are not masked which have a value."""
+        wanted = (self.validity & Validity.MASKED) == 0
+        return float(np.isfinite(self.values[wanted]).mean()) if wanted.any() else 0.0
+
 
 @dataclass(frozen=True, kw_only=True)
 class Surface:

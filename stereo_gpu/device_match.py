@@ -1,0 +1,134 @@
+"""Match two rectified pictures that are on a device; the map stays there until it is downloaded."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from stereo_gpu.backends import Backend, DeviceArray
+from stereo_gpu.config import MatchOptions, Profile
+from stereo_gpu.prepare import prepare_view
+from stereo_gpu.refine import better, complete, lean, verify
+from stereo_gpu.timing import Stopwatch
+from stereo_gpu.types import Disparity, Floats, View
+from stereo_gpu.winners import Winners, find_winners, volume_bytes
+
+
+def match_on(
+    backend: Backend,
+    left: DeviceArray,
+    right: DeviceArray,
+    *,
+    scales: tuple[float, float],
+    masks: tuple[DeviceArray, DeviceArray],
+    smallest: int,
+    disparities: int,
+    reference: View,
+    options: MatchOptions,
+    watch: Stopwatch,
+) -> Winners:
+    """Match pictures that are on the device; the map stays there.
+
+    Args:
+        backend: the device.
+        left, right: pictures on it.
+        scales: factors that take the left and right picture's values to 0..255.
+        masks: of the reference view and of the other one, on the device.
+        smallest, disparities: the range to search.
+        reference: the view that the map is laid out on.
+        options: of the matching.
+        watch: collects seconds a step.
+
+    Raises:
+        MemoryLimitError: the job does not fit the device.
+    """
+    check_match_memory(backend, left.shape[1], left.shape[0], disparities, options)
+    with watch.step("norms"):
+        views = [prepare_view(backend, left, scales[0], masks[reference is View.RIGHT], options)]
+        views += [prepare_view(backend, right, scales[1], masks[reference is View.LEFT], options)]
+        backend.finish()
+    ours, theirs = views if reference is View.LEFT else views[::-1]
+    search = {"smallest": smallest, "disparities": disparities, "direction": 1 if reference is View.RIGHT else -1}
+    found: Winners | None = None
+    for row_slope in options.row_slopes:
+        with watch.step("correlation"):
+            winners = find_winners(backend, ours, theirs, **search, row_slope=row_slope, options=options)
+            backend.finish()
+        with watch.step("refinement"):
+            winners = verify(backend, winners, **search, options=options)
+            winners = lean(
+                backend,
+                winners,
+                ours,
+                theirs,
+                search["direction"],
+                rounds=options.slant_rounds,
+                step_px=options.slant_step_px,
+                options=options,
+            )
+            found = winners if found is None else better(backend, found, winners)
+            backend.finish()
+    assert found is not None  # there is always a first slope
+    with watch.step("refinement"):
+        found = complete(backend, found, options)
+        # Once more, now that holes are filled and the two slopes' maps meet.
+        found = lean(
+            backend,
+            found,
+            ours,
+            theirs,
+            search["direction"],
+            rounds=options.slant_last_rounds,
+            step_px=options.slant_step_px / 2,
+            options=options,
+        )
+        backend.finish()
+    return found
+
+
+def download_disparity(
+    backend: Backend,
+    found: Winners,
+    smallest: int,
+    disparities: int,
+    reference: View,
+    profile: Profile,
+    options: MatchOptions,
+    watch: Stopwatch,
+) -> Disparity:
+    """Copy a map back; confidence is the NCC, less the more a second peak comes close to it where one is known."""
+    values, validity = backend.download(found.values), backend.download(found.validity)
+    score: Floats = backend.download(found.score)
+    ratio: Floats = backend.download(found.ratio)
+    good = validity == 0
+    return Disparity(
+        values=values,
+        validity=validity,
+        confidence=np.where(good, np.clip(score if options.slant_rounds else score * (1 - ratio), 0, 1), np.float32(0)),
+        reference=reference,
+        smallest=smallest,
+        disparities=disparities,
+        backend=backend.name,
+        device=backend.device,
+        options={"profile": str(profile), **dataclasses.asdict(options)},
+        seconds=dict(watch.seconds),
+    )
+
+
+def check_match_memory(backend: Backend, width: int, height: int, disparities: int, options: MatchOptions) -> None:
+    """Estimate what a match takes and refuse it if it cannot fit.
+
+    Raises:
+        MemoryLimitError: with needed and available bytes and the option that would make it fit.
+    """
+    pixels = width * height
+    # Two pictures, two views with sums, and the maps before and after each refinement.
+    needed, largest = pixels * 90, pixels * 12
+    remedy = "use smaller pictures"
+    volume = volume_bytes(width, height, disparities, options)
+    if volume:
+        largest = max(largest, volume)
+        needed += volume
+        remedy = "use profile fast, which never holds a cost volume, or fewer disparities"
+    backend.check_memory(needed, largest, remedy)

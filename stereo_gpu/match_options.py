@@ -1,0 +1,57 @@
+"""Refuse options of a match that no kernel can take, and turn their names into what they stand for."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from stereo_gpu.config import MatchOptions, Profile
+from stereo_gpu.errors import InputError
+from stereo_gpu.types import View
+
+LARGEST_RANGE = 8192  # winner_key holds a disparity's index in 13 bits
+Range = tuple[int, int] | Literal["auto"]
+
+
+def check_range(disparities: tuple[int, int], width: int) -> tuple[int, int]:
+    """Refuse a disparity range that is empty, too long or outside of the picture.
+
+    Raises:
+        InputError: with the range and the picture's width.
+    """
+    try:
+        smallest, count = (int(number) for number in disparities)
+    except (TypeError, ValueError) as error:
+        raise InputError(f'disparities = {disparities!r}: give (smallest, how many) or "auto"') from error
+    if count < 1:
+        raise InputError(f"disparities = ({smallest}, {count}) is an empty range: search at least 1, or use auto")
+    if count > LARGEST_RANGE:
+        raise InputError(f"disparities = ({smallest}, {count}): at most {LARGEST_RANGE} can be searched; use auto")
+    if smallest >= width or smallest + count <= -width:
+        raise InputError(
+            f"disparities = ({smallest}, {count}) lies outside of a picture {width} px wide: use auto or a range within"
+        )
+    return smallest, count
+
+
+def check_options(options: MatchOptions) -> None:
+    """Refuse a window that no kernel can take.
+
+    Raises:
+        InputError: with the window.
+    """
+    if options.window % 2 == 0 or not 3 <= options.window <= 31:
+        raise InputError(f"window = {options.window}: it must be odd and from 3 to 31")
+
+
+def parse_view(name: str) -> View:
+    """Turn "left" or "right" into a View; InputError for anything else."""
+    if name not in list(View):
+        raise InputError(f"reference = {name!r}: it must be left or right")
+    return View(name)
+
+
+def parse_profile(name: str) -> Profile:
+    """Turn a profile's name into a Profile; InputError for anything else."""
+    if name not in list(Profile):
+        raise InputError(f"profile = {name!r}: it must be one of {', '.join(Profile)}")
+    return Profile(name)
