@@ -41,8 +41,10 @@ def geometry(kernel: str, language: str, arguments: Mapping[str, Any], units: in
         units: compute units of the device (cores of a CPU).
     """
     width, height = arguments.get("width", 1), arguments.get("height", 1)
-    if kernel == "bake":
+    if kernel == "cover":
         return Geometry((arguments["triangles"],))
+    if kernel == "bake":
+        return Geometry((arguments["texture_width"], arguments["texture_height"]))
     if kernel == "aggregate":
         lines = height if arguments["step_y"] == 0 else width + (height - 1 if arguments["step_x"] else 0)
         return Geometry((lines,), {"lines": lines}, 2 * lines * (arguments["disparities"] + 2 * PAD), alone=True)

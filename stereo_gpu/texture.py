@@ -48,19 +48,21 @@ def bake_texture(
     weighted = np.column_stack([seen[:, :2] * seen[:, 2:], seen[:, 2]])
     texels = unwrapped.uv * np.array([width, height])
     corners = np.concatenate([texels, weighted], axis=1)[unwrapped.faces].astype(np.float32)
-    texture = backend.zeros((height, width, 3), np.uint8)
-    covered = backend.zeros((height, width), np.uint8)
+    held = backend.upload(corners)
+    atlas = {"texture_width": width, "texture_height": height}
+    owner = backend.zeros((height, width), np.int32)
+    backend.launch("cover", corners=held, triangles=len(corners), **atlas, owner_out=owner)
+    texture, covered = backend.empty((height, width, 3), np.uint8), backend.empty((height, width), np.uint8)
     backend.launch(
         "bake",
         picture=picture,
-        corners=backend.upload(corners),
+        corners=held,
+        owner=owner,
         width=picture.shape[1],
         height=picture.shape[0],
         channels=1 if len(picture.shape) == 2 else 3,
-        triangles=len(corners),
         scale=scale,
-        texture_width=width,
-        texture_height=height,
+        **atlas,
         texture_out=texture,
         covered_out=covered,
     )

@@ -401,24 +401,33 @@ def rectify(picture, matrix, distortion, ray, size):
     return out, valid
 
 
-def bake(picture, corners, scale, size):
-    """Colour of every texel whose centre lies in a triangle; corners (F, 3, 5): texel x, y, and u z, v z, z."""
+def cover(corners, size):
+    """Number of the last triangle, from 1, that holds each texel's centre; 0 for none."""
     width, height = size
-    texture = np.zeros((height, width, 3), np.uint8)
-    covered = np.zeros((height, width), np.uint8)
-    for triangle in corners:
+    owner = np.zeros((height, width), int)
+    for number, triangle in enumerate(corners, 1):
         places = np.column_stack([triangle[:, :2], np.ones(3)]).T
         if abs(np.linalg.det(places)) < 1e-12:
             continue
         for y in range(height):
             for x in range(width):
-                weights = np.linalg.solve(places, (x + 0.5, y + 0.5, 1.0))
-                if weights.min() < 0:
-                    continue
-                u, v, z = weights @ triangle[:, 2:]
+                if np.linalg.solve(places, (x + 0.5, y + 0.5, 1.0)).min() >= 0:
+                    owner[y, x] = number
+    return owner
+
+
+def bake(picture, corners, owner, scale, size):
+    """Colour of every texel that a triangle owns; corners (F, 3, 5): texel x, y, and u z, v z, z."""
+    width, height = size
+    texture = np.zeros((height, width, 3), np.uint8)
+    for y in range(height):
+        for x in range(width):
+            if owner[y, x]:
+                triangle = corners[owner[y, x] - 1]
+                places = np.column_stack([triangle[:, :2], np.ones(3)]).T
+                u, v, z = np.linalg.solve(places, (x + 0.5, y + 0.5, 1.0)) @ triangle[:, 2:]
                 texture[y, x] = np.floor(np.minimum(bilinear(picture, u / z, v / z) * scale, 255) + 0.5)
-                covered[y, x] = 1
-    return texture, covered
+    return texture
 
 
 def dilate(texture, covered):

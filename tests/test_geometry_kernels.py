@@ -101,28 +101,34 @@ def test_bake_and_dilate(backend):
         ]
     )
     corners[..., 2:4] *= corners[..., 4:]
-    texture = backend.zeros((size[1], size[0], 3), np.uint8)
-    covered = backend.zeros((size[1], size[0]), np.uint8)
+    held = backend.upload(corners.astype(np.float32))
+    atlas = {"texture_width": size[0], "texture_height": size[1]}
+    owner = backend.zeros((size[1], size[0]), np.int32)
+    backend.launch("cover", corners=held, triangles=len(corners), **atlas, owner_out=owner)
+    got_owner, want_owner = backend.download(owner), reference.cover(corners, size)
+    assert (got_owner != want_owner).mean() < 0.005  # a texel centre on an edge may fall on either side
+    assert set(np.unique(want_owner)) == {0, 1, 2}
+
+    texture = junk(backend, (size[1], size[0], 3), np.uint8)
+    covered = junk(backend, (size[1], size[0]), np.uint8)
     backend.launch(
         "bake",
         picture=backend.upload(source),
-        corners=backend.upload(corners.astype(np.float32)),
+        corners=held,
+        owner=owner,
         width=WIDTH,
         height=HEIGHT,
         channels=3,
-        triangles=len(corners),
         scale=1.0,
-        texture_width=size[0],
-        texture_height=size[1],
+        **atlas,
         texture_out=texture,
         covered_out=covered,
     )
-    want, want_covered = reference.bake(source, corners, 1.0, size)
+    want = reference.bake(source, corners, got_owner, 1.0, size)
     got, got_covered = backend.download(texture), backend.download(covered)
-    assert (got_covered != want_covered).mean() < 0.005  # a texel centre on an edge may fall on either side
-    assert 0.3 < want_covered.mean() < 0.9
-    both = (got_covered == 1) & (want_covered == 1)
-    assert np.abs(got.astype(int) - want.astype(int))[both].max() <= 1
+    np.testing.assert_array_equal(got_covered, got_owner > 0)
+    assert 0.3 < got_covered.mean() < 0.9
+    assert np.abs(got.astype(int) - want.astype(int)).max() <= 1
 
     grown, grown_covered = junk(backend, got.shape, np.uint8), junk(backend, got_covered.shape, np.uint8)
     backend.launch(

@@ -1,9 +1,10 @@
-"""Resample a picture into a texture atlas, triangle by triangle."""
+"""Resample a picture into a texture atlas."""
 
 from typing import Any
 
 import warp as wp
 
+from stereo_gpu.kernels.warp.cover import weights
 from stereo_gpu.kernels.warp.sampling import sample
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
@@ -14,10 +15,10 @@ def bake(
     # In:
     picture: wp.array(dtype=Any),
     corners: wp.array(dtype=float),
+    owner: wp.array(dtype=int),
     width: int,
     height: int,
     channels: int,
-    triangles: int,
     scale: float,
     texture_width: int,
     texture_height: int,
@@ -25,39 +26,25 @@ def bake(
     texture_out: wp.array(dtype=wp.uint8),
     covered_out: wp.array(dtype=wp.uint8),
 ):
-    """Colour of every texel whose centre lies in a triangle, and 1 in covered_out; both must come in as 0.
+    """Colour of every texel that a triangle owns, and 1 in covered_out; 0 elsewhere.
 
     corners is (F, 3, 5): a corner's place in the atlas in texels, and u z, v z, z of its pixel (u, v) in the
     picture, so that perspective stays exact inside of a triangle. scale takes the picture's values to 0..255.
     """
-    face = wp.tid()
-    at = face * 15
-    ax = corners[at]
-    ay = corners[at + 1]
-    bx = corners[at + 5]
-    by = corners[at + 6]
-    cx = corners[at + 10]
-    cy = corners[at + 11]
-    area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-    if area == 0.0:
-        return
-    first_x = wp.clamp(int(wp.floor(wp.min(ax, wp.min(bx, cx)))), 0, texture_width)
-    first_y = wp.clamp(int(wp.floor(wp.min(ay, wp.min(by, cy)))), 0, texture_height)
-    last_x = wp.clamp(int(wp.ceil(wp.max(ax, wp.max(bx, cx)))), 0, texture_width)
-    last_y = wp.clamp(int(wp.ceil(wp.max(ay, wp.max(by, cy)))), 0, texture_height)
-    for y in range(first_y, last_y):
-        for x in range(first_x, last_x):
-            px = float(x) + 0.5
-            py = float(y) + 0.5
-            a = ((bx - px) * (cy - py) - (by - py) * (cx - px)) / area
-            b = ((cx - px) * (ay - py) - (cy - py) * (ax - px)) / area
-            c = 1.0 - a - b
-            if a >= 0.0 and b >= 0.0 and c >= 0.0:
-                z = a * corners[at + 4] + b * corners[at + 9] + c * corners[at + 14]
-                u = (a * corners[at + 2] + b * corners[at + 7] + c * corners[at + 12]) / z
-                v = (a * corners[at + 3] + b * corners[at + 8] + c * corners[at + 13]) / z
-                texel = y * texture_width + x
-                covered_out[texel] = wp.uint8(1)
-                for channel in range(3):
-                    value = sample(picture, width, height, channels, wp.min(channel, channels - 1), u, v)
-                    texture_out[texel * 3 + channel] = wp.uint8(wp.min(value * scale, 255.0) + 0.5)
+    y, x = wp.tid()
+    texel = y * texture_width + x
+    face = owner[texel] - 1
+    covered_out[texel] = wp.uint8(wp.min(owner[texel], 1))
+    u = float(0.0)
+    v = float(0.0)
+    if face >= 0:
+        at = face * 15
+        share = weights(corners, face, x, y)
+        z = share[0] * corners[at + 4] + share[1] * corners[at + 9] + share[2] * corners[at + 14]
+        u = (share[0] * corners[at + 2] + share[1] * corners[at + 7] + share[2] * corners[at + 12]) / z
+        v = (share[0] * corners[at + 3] + share[1] * corners[at + 8] + share[2] * corners[at + 13]) / z
+    for channel in range(3):
+        value = float(0.0)
+        if face >= 0:
+            value = scale * sample(picture, width, height, channels, wp.min(channel, channels - 1), u, v)
+        texture_out[texel * 3 + channel] = wp.uint8(wp.min(value, 255.0) + 0.5)
