@@ -5,7 +5,7 @@ import stat
 import pytest
 
 from stereo_gpu.errors import InputError
-from stereo_gpu.files import write_whole
+from stereo_gpu.files import check_writable, check_writable_file, whole_folder, write_whole
 
 
 def test_writes_text_and_bytes(tmp_path):
@@ -55,3 +55,44 @@ def test_a_folder_that_cannot_take_the_file(tmp_path):
         write_whole(tmp_path, b"")
     with pytest.raises(InputError, match="cannot write"):
         write_whole("/proc/a", b"")
+
+
+def test_a_folder_gets_all_of_its_files_or_none(tmp_path):
+    with whole_folder(tmp_path / "a" / "b") as new:
+        (new / "1.txt").write_text("one")
+        (new / "2.txt").write_text("two")
+        assert new.parent == tmp_path / "a" / "b" and not (tmp_path / "a" / "b" / "1.txt").exists()
+    assert sorted(path.name for path in (tmp_path / "a" / "b").iterdir()) == ["1.txt", "2.txt"]
+    with pytest.raises(ZeroDivisionError), whole_folder(tmp_path / "a" / "b") as new:
+        (new / "1.txt").write_text("changed")
+        raise ZeroDivisionError
+    assert (tmp_path / "a" / "b" / "1.txt").read_text() == "one"
+    with pytest.raises(ZeroDivisionError), whole_folder(tmp_path / "c" / "d") as new:
+        raise ZeroDivisionError
+    assert [path.name for path in tmp_path.iterdir()] == ["a"]
+
+
+def test_folders_that_cannot_be_written_are_told_by_trying(tmp_path):
+    (tmp_path / "file").write_text("")
+    check_writable(tmp_path / "new" / "deeper")
+    for folder, says in (
+        (tmp_path / "file", "is a file; name another folder"),
+        (tmp_path / "file" / "new", "is a file; name another folder"),
+        ("/proc/new", "cannot write to /proc/new"),
+        (tmp_path / ("x" * 300), "too long"),
+    ):
+        with pytest.raises(InputError, match=says):
+            check_writable(folder)
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_files_that_cannot_be_written_are_told_before(tmp_path):
+    check_writable_file(tmp_path / "rig.json")
+    for path, says in (
+        (tmp_path, "is a folder: name a file in it"),
+        (tmp_path / "no" / "rig.json", "there is no folder"),
+        ("/proc/rig.json", "cannot write to /proc"),
+    ):
+        with pytest.raises(InputError, match=says):
+            check_writable_file(path)
+    assert not list(tmp_path.iterdir())
