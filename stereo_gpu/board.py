@@ -133,7 +133,7 @@ def survey_boards(pictures: Iterable[Picture]) -> Counter[tuple[int, int]]:
 
 def _too_thin(flat: Bytes, squares: int) -> bool:
     """Whether so many squares cannot be seen across the copy that is searched."""
-    return min(flat.shape) * min(1.0, WORKING_SIDE / max(flat.shape)) < SMALLEST_SQUARE * squares
+    return bool(min(flat.shape) * min(1.0, WORKING_SIDE / max(flat.shape)) < SMALLEST_SQUARE * squares)
 
 
 def _shrunk(flat: Bytes, side: int = WORKING_SIDE) -> Bytes:
