@@ -61,7 +61,6 @@ def run_demo(
         out / "pictures" / "left.png",
         out / "pictures" / "right.png",
         rig,
-        profile="fast",
         disparities="auto",
         rectangle=_box(size),
         backend=device.name,
