@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import glob
+import io
 import logging
 import math
 import os
@@ -30,6 +31,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         options = _parser().parse_args(arguments)
     except SystemExit as done:  # help, version, or an argument that is wrong
         return int(done.code or 0)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # Files may have names that the terminal's encoding cannot show.
+        sys.stdout.reconfigure(errors="backslashreplace")
     with _messages(options.debug):
         return _run(options)
 

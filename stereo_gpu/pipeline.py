@@ -268,7 +268,9 @@ def _describe(given: Source) -> dict[str, str]:
     if isinstance(given, np.ndarray):
         return {"name": "array", "sha256": _digest(given)}
     path = Path(given)
-    return {"name": path.name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
+    # A name of bytes that are no text could not be written into the result's files.
+    name = os.fsencode(path.name).decode("utf-8", "replace")
+    return {"name": name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
 
 
 def _digest(array: Picture) -> str:

@@ -374,6 +374,20 @@ def test_a_reader_that_has_had_enough_is_no_error():
     assert done.stderr == ""
 
 
+def test_names_that_are_no_text(tmp_path, raw_folder):
+    odd = os.fsdecode(b"l\xff <\xc3\xa4>.png")
+    (tmp_path / odd).write_bytes((raw_folder / "left.png").read_bytes())
+    pair = [str(tmp_path / odd), str(raw_folder / "right.png")]
+    given = ["--rig", str(raw_folder / "rig.json"), "--profile", "fast", "--disparities", "20,44", "--unwrap", "view"]
+    code = "import sys; from stereo_gpu.cli import main; raise SystemExit(main(sys.argv[1:]))"
+    command = [sys.executable, "-c", code, "reconstruct", *pair, *given, "--out", str(tmp_path / "\u00e4")]
+    done = subprocess.run(command, capture_output=True, text=True, env={**os.environ, "PYTHONIOENCODING": "ascii"})
+    assert done.returncode == 0, done.stderr
+    record = json.loads((tmp_path / "\u00e4" / "result.json").read_text())
+    assert record["inputs"]["left"]["name"] == "l\ufffd <\u00e4>.png"
+    assert "l\ufffd &lt;\u00e4&gt;.png" in (tmp_path / "\u00e4" / "report.html").read_text("utf-8")
+
+
 def test_the_bar_is_drawn_on_a_terminal_only(capsys, monkeypatch):
     with Progress(["read", "match"]) as progress:
         progress.step("match")
