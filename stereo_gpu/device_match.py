@@ -11,8 +11,11 @@ from stereo_gpu.config import MatchOptions, Profile
 from stereo_gpu.prepare import prepare_view
 from stereo_gpu.refine import better, complete, lean, verify
 from stereo_gpu.timing import Stopwatch
-from stereo_gpu.types import Disparity, Floats, View
+from stereo_gpu.types import Disparity, Floats, Validity, View
 from stereo_gpu.winners import Winners, find_winners, volume_bytes
+
+# A map is believed if this share of its pixels has an NCC over that.
+SURE_SHARE, SURE_SCORE = 0.05, 0.5
 
 
 def match_on(
@@ -84,7 +87,24 @@ def match_on(
             options=options,
         )
         backend.finish()
-    return found
+    return drop_unfounded(backend, found) if options.smooth_paths else found
+
+
+def drop_unfounded(backend: Backend, found: Winners) -> Winners:
+    """Drop a whole map of smooth paths of which next to nothing correlates.
+
+    Paths carry disparities across flat parts; between two pictures without texture they would carry noise.
+    """
+    values: Floats = backend.download(found.values)
+    score: Floats = backend.download(found.score)
+    given = np.isfinite(values)
+    if (score[given] > SURE_SCORE).sum() >= SURE_SHARE * given.sum():
+        return found
+    nothing = np.full(values.shape, np.nan, np.float32)
+    flat = np.full(values.shape, Validity.TEXTURELESS, np.uint8)
+    masked = (backend.download(found.validity) & Validity.MASKED) != 0
+    flat[masked] = Validity.MASKED
+    return dataclasses.replace(found, values=backend.upload(nothing), validity=backend.upload(flat))
 
 
 def download_disparity(

@@ -73,9 +73,7 @@ def _try_device(status: DeviceStatus) -> Finding:
         backend = open_backend(status.name)
         values = np.arange(9, dtype=np.float32).reshape(3, 3)[::-1]
         filtered = backend.empty((3, 3), np.float32)
-        backend.launch(
-            "median", disparity=backend.upload(values), width=3, height=3, size=3, disparity_out=filtered
-        )
+        backend.launch("median", disparity=backend.upload(values), width=3, height=3, size=3, disparity_out=filtered)
         right = float(backend.download(filtered)[1, 1]) == 4.0
     except StereoError as error:
         return Finding(status.name, False, False, " ".join(str(error).split()), "see `stereo-gpu doctor --debug`")

@@ -68,9 +68,7 @@ def orbit(points: Doubles, size: tuple[int, int], *, yaw: float = 0.0, pitch: fl
     turned = (points - pivot) @ rotation.T + pivot
     turned = turned[turned[:, 2] > _NEAREST * pivot[2]]
     if not len(turned):
-        raise StageError(
-            f"yaw {yaw} and pitch {pitch} leave all of it behind the camera: choose smaller ones"
-        )
+        raise StageError(f"yaw {yaw} and pitch {pitch} leave all of it behind the camera: choose smaller ones")
     rays = turned[:, :2] / turned[:, 2:]
     low, high = np.percentile(rays, [_OUTLIERS, 100 - _OUTLIERS], axis=0)
     extent = np.maximum((high - low) * _MARGIN, 1e-6)

@@ -65,9 +65,7 @@ def render(
     drawable = np.isfinite(vertices).all(axis=1) & (vertices[:, 2] > 0)
     faces = model.faces[np.all(drawable[model.faces], axis=1)]
     if not len(faces):
-        raise StageError(
-            f"none of {len(model.faces)} faces can be drawn: mesh a larger part of the disparity"
-        )
+        raise StageError(f"none of {len(model.faces)} faces can be drawn: mesh a larger part of the disparity")
     inner = (size[0] * supersample, size[1] * supersample)
     camera = orbit(spread(vertices, faces), inner, yaw=yaw, pitch=pitch)
     screen, depth = camera.see(np.where(drawable[:, None], vertices, 0.0))

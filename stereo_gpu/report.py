@@ -135,9 +135,7 @@ def _encode(picture: Bytes) -> tuple[str, str]:
     for kind, options in (("png", [cv2.IMWRITE_PNG_COMPRESSION, 6]), ("jpeg", whole)):
         done, packed = cv2.imencode(f".{kind}", bgr, options)
         if not done:
-            raise InputError(
-                f"a picture of {width} x {height} px cannot be packed as {kind}: make it smaller"
-            )
+            raise InputError(f"a picture of {width} x {height} px cannot be packed as {kind}: make it smaller")
         choices.append((len(packed), kind, packed.tobytes()))
     _, kind, data = min(choices)
     return kind, base64.b64encode(data).decode()
@@ -154,9 +152,7 @@ def _numbers(facts: Mapping[str, str | Mapping[str, str]], seconds: Mapping[str,
             f'<tr><th scope="row">{escape(str(name))}</th><td>{escape(str(value))}</td></tr>'
             for name, value in section.items()
         )
-        cards.append(
-            f'<section class="card"><h3>{escape(heading)}</h3><table class="facts">{rows}</table></section>'
-        )
+        cards.append(f'<section class="card"><h3>{escape(heading)}</h3><table class="facts">{rows}</table></section>')
     return f'<h2>Numbers</h2>\n<div class="pair">\n{"".join(cards)}\n</div>' if cards else ""
 
 

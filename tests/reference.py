@@ -299,7 +299,7 @@ def slant(reference, other, disparity, radius, direction, step, largest_slope):
                             u = x + i + direction * (plane + shift)
                             line = other[at[0] : at[0] + 1, :, None]
                             theirs.append(float(bilinear(line, u, 0)[0]))
-                return (ncc(ours, theirs) if ours else None) or 0.0
+                return (ncc(ours, theirs) if len(ours) * 3 >= (2 * radius + 1) ** 2 else None) or 0.0
 
             here, below, above = score(0), score(-step), score(step)
             moved, best = 0.0, here

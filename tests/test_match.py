@@ -103,6 +103,23 @@ def test_16_bit_grey_and_colour_pictures_match_alike():
     assert np.median(np.abs(eight.values - deep.values)[both]) < 0.05
 
 
+@pytest.mark.parametrize("profile", ["paper", "fast", "precise"])
+def test_flat_pictures_give_no_disparity(profile):
+    left, right = (np.full((80, 120), 120, np.uint8) for _ in range(2))
+    found = match(left, right, disparities=(0, 40), profile=profile)
+    assert np.isnan(found.values).all()
+    assert (found.validity == Validity.TEXTURELESS).all()
+
+
+@pytest.mark.parametrize("grain", [1, 4])
+def test_noise_gives_no_surface(grain):
+    """Smooth paths make a surface of anything; it must not be believed where no window correlates."""
+    rng = np.random.default_rng(8)
+    left, right = (np.asarray(120 + rng.integers(0, grain + 1, (240, 320)), np.uint8) for _ in range(2))
+    for profile in ("fast", "precise"):
+        assert np.isfinite(match(left, right, disparities=(0, 64), profile=profile).values).mean() < 0.02
+
+
 def test_mask_leaves_pixels_out():
     left, right, _ = textured_pair(120, 80)
     mask = np.zeros((80, 120), np.uint8)

@@ -124,9 +124,7 @@ def test_points_keep_colour_and_depth_order():
     far = np.stack([x, y, np.full_like(x, 600)], -1)
     near = np.stack([x / 4, y / 4, np.full_like(x, 400)], -1)
     points = np.concatenate([near, far, [[np.nan] * 3]]).astype(np.float32)
-    colours = np.repeat(
-        np.array([[250, 10, 10], [10, 10, 250], [0, 255, 0]], np.uint8), [40_000, 40_000, 1], 0
-    )
+    colours = np.repeat(np.array([[250, 10, 10], [10, 10, 250], [0, 255, 0]], np.uint8), [40_000, 40_000, 1], 0)
     picture = render_points(points, colours, size=(200, 200))
     assert tuple(picture[100, 100]) == (250, 10, 10)
     assert tuple(picture[30, 30]) == (10, 10, 250)

@@ -84,8 +84,6 @@ def test_a_changed_trimesh_still_gives_a_page(monkeypatch, caplog):
 
 def test_nothing_to_show():
     mesh = wall()
-    empty = Mesh(
-        vertices=mesh.vertices, faces=np.empty((0, 3), np.int32), uv=mesh.uv, texture=mesh.texture, unit="mm"
-    )
+    empty = Mesh(vertices=mesh.vertices, faces=np.empty((0, 3), np.int32), uv=mesh.uv, texture=mesh.texture, unit="mm")
     with pytest.raises(StageError, match="none of 0 faces"):
         viewer_page(empty)

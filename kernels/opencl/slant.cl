@@ -72,7 +72,7 @@ inline Plane fit_plane(
 
 // NCC of the pixels around (x, y) that lie on a plane of disparity, with the plane moved by shift px.
 // Pixels whose own disparity is further than SAME_SURFACE from the plane belong to another surface. 0 where
-// the window is flat.
+// the window is flat or holds less than a third of its pixels: a handful correlates with anything.
 inline float leaning_ncc(
     __global const float *reference, __global const float *other, __global const float *disparity, int x, int y,
     Plane plane, float shift, int width, int height, int radius, float direction)
@@ -99,7 +99,8 @@ inline float leaning_ncc(
         }
     }
     float energy = (sum_aa - sum_a * sum_a / count) * (sum_bb - sum_b * sum_b / count);
-    return energy <= 1.0f ? 0.0f : (sum_ab - sum_a * sum_b / count) / sqrt(energy);
+    float window = (float)((2 * radius + 1) * (2 * radius + 1));
+    return energy <= 1.0f || count * 3.0f < window ? 0.0f : (sum_ab - sum_a * sum_b / count) / sqrt(energy);
 }
 
 // Move each disparity to the peak of the NCC over step px around it, with windows that follow the surface.

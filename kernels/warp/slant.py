@@ -108,7 +108,7 @@ def leaning_ncc(
     """NCC of the pixels around (x, y) that lie on a plane of disparity, with the plane moved by shift px.
 
     Pixels whose own disparity is further than SAME_SURFACE from the plane belong to another surface. 0 where
-    the window is flat.
+    the window is flat or holds less than a third of its pixels: a handful correlates with anything.
     """
     count = float(0.0)
     sum_a = float(0.0)
@@ -136,7 +136,8 @@ def leaning_ncc(
                 sum_bb += b * b
                 sum_ab += a * b
     energy = (sum_aa - sum_a * sum_a / count) * (sum_bb - sum_b * sum_b / count)
-    if energy <= 1.0:
+    window = float((2 * radius + 1) * (2 * radius + 1))
+    if energy <= 1.0 or count * 3.0 < window:
         return 0.0
     return (sum_ab - sum_a * sum_b / count) / wp.sqrt(energy)
 
