@@ -2,6 +2,13 @@
 // No fused multiply-add: with it, two devices would round the same formula differently.
 #pragma OPENCL FP_CONTRACT OFF
 
+// The largest whole number that is not above v. (The built-in floor would be a call for every sample.)
+inline int floor_to_int(float v)
+{
+    int whole = (int)v;
+    return whole - (v < (float)whole);
+}
+
 // The nearest index inside 0..size-1: the picture's edge repeated. (A built-in min or max would be a call.)
 inline int clamp_index(int index, int size)
 {

@@ -4,7 +4,7 @@
 inline float sample(
     __global const PIXEL *picture, int width, int height, int channels, int channel, float u, float v)
 {
-    int x = (int)floor(u), y = (int)floor(v);
+    int x = floor_to_int(u), y = floor_to_int(v);
     float across = u - (float)x, down = v - (float)y;
     int left = clamp_index(x, width), right = clamp_index(x + 1, width);
     int top = clamp_index(y, height) * width, bottom = clamp_index(y + 1, height) * width;

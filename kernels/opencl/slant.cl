@@ -86,8 +86,8 @@ inline float leaning_ncc(
             if (!(magnitude(disparity[at] - surface) <= SAME_SURFACE)) continue;
             float a = reference[at];
             float u = (float)(x + i) + direction * (surface + shift);
-            float left = floor(u), share = u - left;
-            int column = (int)left;
+            int column = floor_to_int(u);
+            float share = u - (float)column;
             float b = other[row + clamp_index(column, width)] * (1.0f - share);
             b += other[row + clamp_index(column + 1, width)] * share;
             count += 1.0f;
