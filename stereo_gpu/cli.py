@@ -1,28 +1,20 @@
-"""The command line: `stereo-gpu`. It alone prints and exits; every error is one line."""
+"""The command line: `stereo-gpu`. What it understands; every error is one line."""
 
 from __future__ import annotations
 
 import argparse
-import glob
 import io
 import logging
-import math
 import os
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
+from stereo_gpu import commands
 from stereo_gpu.errors import InputError, StereoError
-
-if TYPE_CHECKING:
-    from stereo_gpu.types import Bytes
-
-CLEAR_LINE = "\r\x1b[K"  # to the start of the line, and erase it
-BAR_WIDTH = 24
-LINES = 10  # that a search prints where no bar can be drawn
-PICTURES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".ppm", ".pgm", ".webp"}
+from stereo_gpu.progress import CLEAR_LINE
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -100,26 +92,28 @@ def _fail(message: str, status: int) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = _Parser(prog="stereo-gpu", description="Two cameras in, a textured metric 3-D model out.")
     parser.add_argument("--version", action="version", version=_version())
-    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    subparsers = parser.add_subparsers(required=True, metavar="COMMAND")
 
     def command(name: str, run: Callable[[argparse.Namespace], None], text: str) -> argparse.ArgumentParser:
-        added = commands.add_parser(name, help=text, description=text)
+        added = subparsers.add_parser(name, help=text, description=text)
         added.set_defaults(run=run)
         added.add_argument("--debug", action="store_true", help="show a traceback and all messages")
         return added
 
-    demo = command("demo", _demo, "render a scene with known truth, reconstruct it and measure the error")
+    demo = command("demo", commands.demo, "render a scene with known truth, reconstruct it and measure the error")
     demo.add_argument("--out", type=Path, default=Path("demo-out"), help="folder for the results (%(default)s)")
     _backend(demo)
 
-    capture = command("capture", _capture, "take pairs of pictures with two cameras")
+    capture = command("capture", commands.capture, "take pairs of pictures with two cameras")
     capture.add_argument("left", help="number, device path, or video file of the left camera")
     capture.add_argument("right", help="the same of the right camera")
     capture.add_argument("--out", type=Path, required=True, help="folder for left0001.png, right0001.png, ...")
     capture.add_argument("--count", type=int, default=15, help="how many pairs to take (%(default)s)")
     capture.add_argument("--interval", type=float, default=2.0, help="seconds between pairs (%(default)s)")
 
-    calibrate = command("calibrate", _calibrate, "find the geometry of two cameras from pictures of a checkerboard")
+    calibrate = command(
+        "calibrate", commands.calibrate, "find the geometry of two cameras from pictures of a checkerboard"
+    )
     calibrate.add_argument(
         "pictures",
         nargs="+",
@@ -131,20 +125,20 @@ def _parser() -> argparse.ArgumentParser:
     calibrate.add_argument("--coefficients", type=int, choices=(5, 8, 12), default=5, help="of the lens model")
     calibrate.add_argument("--out", type=Path, required=True, metavar="rig.json", help="the file to write")
 
-    rectify = command("rectify", _rectify, "undistort a raw pair and make its rows correspond")
+    rectify = command("rectify", commands.rectify, "undistort a raw pair and make its rows correspond")
     _pair(rectify)
     _rig(rectify)
     rectify.add_argument("--out", type=Path, required=True, help="folder for left.png and right.png")
     _backend(rectify)
 
-    match = command("match", _match, "find the disparities of a rectified pair")
+    match = command("match", commands.match, "find the disparities of a rectified pair")
     _pair(match)
     _matching(match, "fast")
     match.add_argument("--mask", type=Path, help="picture, black where the reference view is not wanted")
     match.add_argument("--out", type=Path, required=True, help="folder for disparity.pfm and disparity.png")
     _backend(match)
 
-    reconstruct = command("reconstruct", _reconstruct, "make a textured model of a raw pair")
+    reconstruct = command("reconstruct", commands.reconstruct, "make a textured model of a raw pair")
     _pair(reconstruct)
     _rig(reconstruct)
     reconstruct.add_argument("--out", type=Path, required=True, help="folder for the model and the report")
@@ -165,10 +159,10 @@ def _parser() -> argparse.ArgumentParser:
     )
     _backend(reconstruct)
 
-    command("devices", _devices, "list what can compute here")
-    command("doctor", _doctor, "check the installation and every device, and say what would mend the rest")
+    command("devices", commands.devices, "list what can compute here")
+    command("doctor", commands.doctor, "check the installation and every device, and say what would mend the rest")
 
-    bench = command("bench", _bench, "time the kernels and OpenCV's block matcher in the same run")
+    bench = command("bench", commands.bench, "time the kernels and OpenCV's block matcher in the same run")
     bench.add_argument("--size", type=_numbers(int, 3), default=(1280, 960, 128), metavar="W,H,D", help="of the pair")
     bench.add_argument("--window", type=int, default=11, help="side of the window, px (%(default)s)")
     _backend(bench)
@@ -216,235 +210,6 @@ def _numbers(kind: type, count: int) -> Callable[[str], tuple[float, ...]]:
 
 def _range(text: str) -> object:
     return "auto" if text == "auto" else _numbers(int, 2)(text)
-
-
-def _demo(options: argparse.Namespace) -> None:
-    from stereo_gpu.demo import run_demo
-
-    for line in run_demo(options.out, backend=options.backend):
-        print(line, flush=True)
-
-
-def _capture(options: argparse.Namespace) -> None:
-    from stereo_gpu.capture import capture
-
-    for taken in capture(options.left, options.right, options.out, count=options.count, interval=options.interval):
-        print(f"pair {taken.number}: {taken.left.name}, {taken.right.name}, skew {taken.skew_ms:.1f} ms", flush=True)
-
-
-def _calibrate(options: argparse.Namespace) -> None:
-    from stereo_gpu.board import Board
-    from stereo_gpu.calibrate import calibrate
-    from stereo_gpu.files import check_writable_file
-
-    board = Board.parse(options.board, options.square)
-    left, right = split_pictures(options.pictures)
-    check_writable_file(options.out)
-    with Progress() as progress:
-        rig = calibrate(left, right, board, coefficients=options.coefficients, progress=progress.searched)
-    rig.save(options.out)
-    for view in rig.views:
-        if not view.used:
-            print(f"left out {view.left}, {view.right}: {view.reason}")
-    used = sum(view.used for view in rig.views)
-    print(
-        f"{options.out}: {used} of {len(rig.views)} pairs, reprojection error {rig.rms_px:.3f} px,"
-        f" epipolar error {rig.epipolar_rms_px:.3f} px, baseline {rig.baseline:.2f} {rig.unit}"
-    )
-
-
-def _rectify(options: argparse.Namespace) -> None:
-    from stereo_gpu.check import check_rectified, refuse_swapped
-    from stereo_gpu.files import check_writable, whole_folder
-    from stereo_gpu.images import read_image, write_png
-    from stereo_gpu.rectify import rectify
-    from stereo_gpu.rig import Rig
-
-    rig, left, right = Rig.load(options.rig), read_image(options.left), read_image(options.right)
-    check_writable(options.out)
-    pair = rectify(left, right, rig, backend=options.backend)
-    found = check_rectified(pair.left, pair.right, offset_px=pair.cx_left - pair.cx_right)
-    refuse_swapped(found)
-    with whole_folder(options.out) as new:
-        for name, picture in (("left", pair.left), ("right", pair.right)):
-            write_png(new / f"{name}.png", picture)
-    vertical = "not measured" if math.isnan(found.vertical_px) else f"{found.vertical_px:.2f} px"
-    print(
-        f"{options.out}: left.png and right.png, focal length {pair.focal_px:.2f} px, baseline {pair.baseline:.2f}"
-        f" {pair.unit}, vertical error {vertical} (median of {found.matches} features)"
-    )
-
-
-def _match(options: argparse.Namespace) -> None:
-    from stereo_gpu.check import check_rectified, refuse_swapped
-    from stereo_gpu.export import write_pfm
-    from stereo_gpu.figures import colour_disparity
-    from stereo_gpu.files import check_writable, whole_folder
-    from stereo_gpu.images import check_pair, read_image, write_png
-    from stereo_gpu.match import match
-
-    left, right = read_image(options.left), read_image(options.right)
-    check_pair(left, right)
-    mask = _read_mask(options.mask, left.shape[:2])
-    check_writable(options.out)
-    if options.disparities == "auto" or options.disparities[0] >= 0:
-        # Whoever asks for negative disparities knows what the pair is like.
-        refuse_swapped(check_rectified(left, right))
-    disparity = match(
-        left,
-        right,
-        disparities=options.disparities,
-        window=options.window,
-        reference=options.reference,
-        profile=options.profile,
-        mask=mask,
-        backend=options.backend,
-    )
-    with whole_folder(options.out) as new:
-        write_pfm(new / "disparity.pfm", disparity.values)
-        write_png(new / "disparity.png", colour_disparity(disparity.values, bar=True))
-    searched = f"{disparity.smallest} to {disparity.smallest + disparity.disparities - 1}"
-    print(
-        f"{options.out}: disparity.pfm and disparity.png, {disparity.coverage:.1%} of the pixels have a value,"
-        f" searched {searched} px in {sum(disparity.seconds.values()):.2f} s on {disparity.backend}"
-    )
-
-
-def _reconstruct(options: argparse.Namespace) -> None:
-    from stereo_gpu.config import MeshOptions
-    from stereo_gpu.files import check_writable
-    from stereo_gpu.images import check_pair, read_image
-    from stereo_gpu.pipeline import STAGES, reconstruct
-    from stereo_gpu.rectify import check_rig
-    from stereo_gpu.rig import Rig
-
-    rig, left, right = Rig.load(options.rig), read_image(options.left), read_image(options.right)
-    check_pair(left, right)
-    check_rig(left, rig)
-    mask = _read_mask(options.mask, left.shape[:2])
-    check_writable(options.out)
-    with Progress([*STAGES, "save"]) as progress:
-        result = reconstruct(
-            options.left,
-            options.right,
-            rig,
-            profile=options.profile,
-            disparities=options.disparities,
-            mask=mask,
-            backend=options.backend,
-            window=options.window,
-            reference=options.reference,
-            rectangle=options.rectangle,
-            depth=options.depth,
-            mesh=MeshOptions(faces=options.faces, smoothing=options.smoothing, unwrap=options.unwrap),
-            progress=progress.step,
-        )
-        progress.step("save")
-        result.save(options.out)
-    for warning in result.warnings:
-        print(f"stereo-gpu: warning: {warning}", file=sys.stderr)
-    print(
-        f"{options.out}: model.glb with {len(result.mesh.faces)} triangles in {sum(result.seconds.values()):.1f} s on"
-        f" {result.disparity.backend}; open {options.out / 'report.html'}"
-    )
-
-
-def _devices(options: argparse.Namespace) -> None:
-    from stereo_gpu.backends import devices
-
-    for status in devices():
-        state = "ready" if status.available else f"not usable: {status.reason}; mend: {status.remedy}"
-        print(f"{status.name:<32} {status.kind}  {status.label}: {state}")
-
-
-def _doctor(options: argparse.Namespace) -> None:
-    from stereo_gpu.doctor import examine
-
-    healthy = True
-    for finding in examine():
-        healthy = healthy and (finding.good or not finding.needed)
-        print(f"{'ok  ' if finding.good else 'FAIL' if finding.needed else 'no  '}  {finding.what}: {finding.detail}")
-        if finding.remedy:
-            print(f"      mend: {finding.remedy}")
-    if not healthy:
-        raise StereoError("something that every reconstruction needs is broken: see the lines marked FAIL")
-
-
-def _bench(options: argparse.Namespace) -> None:
-    from stereo_gpu.bench import run_bench
-
-    for line in run_bench(*options.size, window=options.window, backend=options.backend):
-        print(line, flush=True)
-
-
-def split_pictures(given: Sequence[str]) -> tuple[list[Path], list[Path]]:
-    """Tell left pictures from right ones: two folders, two patterns, or one list whose first half is left.
-
-    Raises:
-        InputError: a folder or pattern holds no picture, or the list has an odd length.
-    """
-    if len(given) == 2:
-        return _expand(given[0]), _expand(given[1])
-    if len(given) % 2:
-        raise InputError(f"{len(given)} pictures cannot be pairs: give all left ones, then as many right ones")
-    half = len(given) // 2
-    return [Path(name) for name in given[:half]], [Path(name) for name in given[half:]]
-
-
-def _expand(name: str) -> list[Path]:
-    path = Path(name)
-    if path.is_dir():
-        found = sorted(file for file in path.iterdir() if file.suffix.lower() in PICTURES)
-        if not found:
-            raise InputError(f"folder {name} holds no picture: it needs files such as left01.png")
-        return found
-    if any(sign in name for sign in "*?["):
-        found = sorted(Path(match) for match in glob.glob(name))  # noqa: PTH207 - takes absolute patterns too
-        if not found:
-            raise InputError(f"no picture matches {name}: check the pattern and the folder")
-        return found
-    return [path]
-
-
-def _read_mask(path: Path | None, shape: tuple[int, ...]) -> Bytes | None:
-    from stereo_gpu.mask import mask_from_file
-
-    return None if path is None else mask_from_file(path, (shape[1], shape[0]))
-
-
-class Progress:
-    """A bar that is redrawn on a terminal, plain lines elsewhere; both on standard error."""
-
-    def __init__(self, stages: Sequence[str] = ()) -> None:
-        self._stages = list(stages)
-        self._drawn = sys.stderr.isatty()
-
-    def __enter__(self) -> Progress:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        if self._drawn:
-            print(CLEAR_LINE, end="", file=sys.stderr, flush=True)
-
-    def step(self, name: str) -> None:
-        """Say that the stage of this name begins."""
-        if self._drawn:
-            self._draw(self._stages.index(name), len(self._stages), name)
-        else:
-            print(f"stereo-gpu: {name}", file=sys.stderr, flush=True)
-
-    def searched(self, done: int, total: int) -> None:
-        """Say how many of the pictures have been searched for the board."""
-        text = f"{done} of {total} pictures searched"
-        if self._drawn:
-            self._draw(done, total, text)
-        elif done == total or done * LINES // total > (done - 1) * LINES // total:
-            print(f"stereo-gpu: {text}", file=sys.stderr, flush=True)
-
-    def _draw(self, done: int, total: int, text: str) -> None:
-        full = BAR_WIDTH * done // total
-        bar = "#" * full + "." * (BAR_WIDTH - full)
-        print(f"{CLEAR_LINE}[{bar}] {text}", end="", file=sys.stderr, flush=True)
 
 
 def _version() -> str:

@@ -11,9 +11,11 @@ import cv2
 import numpy as np
 import pytest
 
-from stereo_gpu.cli import Progress, main, split_pictures
+from stereo_gpu.cli import main
+from stereo_gpu.commands import split_pictures
 from stereo_gpu.images import read_image, write_png
 from stereo_gpu.pfm import read_pfm
+from stereo_gpu.progress import Progress
 from stereo_gpu.rig import Rig
 
 WRONG_INPUT, OTHER_FAILURE = 2, 1
