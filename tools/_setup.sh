@@ -33,7 +33,7 @@ if [ ! -x .venv/bin/python ] || ! .venv/bin/python -c 'import pip' 2>/dev/null; 
   python="$(find_python)" || { say "needs Python 3.11 or newer, and found none"; exit 1; }
   say "making .venv with $python"
   # Debian keeps the part of Python that makes environments in a package of its own.
-  "$python" -m venv .venv 2>/dev/null || { install_packages python3-venv && "$python" -m venv --clear .venv; } || exit 1
+  "$python" -m venv .venv >/dev/null 2>&1 || { install_packages python3-venv && "$python" -m venv --clear .venv; } || exit 1
 fi
 
 # PoCL links its kernels with ld; without it the OpenCL kernels cannot run and Warp's take over.
