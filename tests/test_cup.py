@@ -1,5 +1,7 @@
 """A real table top with a cup, a bottle and a tripod: what is known of it comes out of a whole reconstruction."""
 
+import itertools
+
 import cv2
 import numpy as np
 import pytest
@@ -46,7 +48,7 @@ def test_the_board_on_the_table_measures_12_mm_and_is_flat(cup):
     assert np.isfinite(np.concatenate(corners)).all()
     along = np.concatenate([np.linalg.norm(np.diff(row, axis=0), axis=1) for row in corners])
     away = np.concatenate(
-        [np.linalg.norm(near - far[: len(near)], axis=1) for far, near in zip(corners[:-1], corners[1:], strict=True)]
+        [np.linalg.norm(near - far[: len(near)], axis=1) for far, near in itertools.pairwise(corners)]
     )
     assert abs(along.mean() - SQUARE) <= 0.1
     assert (np.abs(along - SQUARE) <= 0.3).mean() >= 0.85
