@@ -109,7 +109,7 @@ class MeshOptions:
         max_jump_px: disparity difference over which two pixels are not on one surface, px.
         faces: number of triangles to decimate to; 0 keeps them all.
         smoothing: passes of the smoothing filter; 0 for none.
-        unwrap: "charts" (xatlas) or "view" (the right picture's own coordinates).
+        unwrap: "charts" (xatlas) or "view" (the reference picture's own coordinates).
         unwrap_seconds: time limit for the charts, after which "view" is taken.
     """
 

@@ -20,6 +20,7 @@ from stereo_gpu.types import Bytes, Floats, Picture, View
 _log = logging.getLogger(__name__)
 
 COARSE_WIDTH = 320  # px; small enough to search everything, large enough for a window to hold texture
+COARSE_PIXELS = COARSE_WIDTH * 1000
 SMALLEST_SHARE = 0.001  # of the matched pixels: fewer at one coarse disparity are taken for false matches
 MARGIN = 2  # coarse px on either side, for what the coarse picture could not resolve
 # Shares of the found range that are added. Near surfaces are the ones that a coarse match loses: they are cut off
@@ -50,7 +51,10 @@ def find_range(
     Returns:
         Smallest disparity and how many, px. Searched are a quarter of the width below 0 and three quarters above.
     """
-    factor = max(1, -(-left.shape[1] // COARSE_WIDTH))
+    # By width, or by area where a tall strip would make a large volume all the same.
+    factor = max(
+        1, -(-left.shape[1] // COARSE_WIDTH), math.ceil(math.sqrt(left.shape[0] * left.shape[1] / COARSE_PIXELS))
+    )
     size = (max(1, left.shape[1] // factor), max(1, left.shape[0] // factor))
     pictures = [cv2.resize(picture, size, interpolation=cv2.INTER_AREA) for picture in (left, right)]
     masks = [cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST) for mask in (valid_left, valid_right)]

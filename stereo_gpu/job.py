@@ -45,7 +45,7 @@ def plan_job(
         InputError: an option is wrong.
     """
     chosen = parse_profile(profile)
-    matching = PROFILES[chosen] if window is None else dataclasses.replace(PROFILES[chosen], window=window)
+    matching = PROFILES[chosen] if window is None else dataclasses.replace(PROFILES[chosen], window=int(window))
     check_options(matching)
     mesh = mesh or MeshOptions()
     _check_mesh(mesh)
@@ -58,23 +58,25 @@ def plan_job(
         view=parse_view(reference),
         disparities=disparities,
         mask=mask,
-        rectangle=rectangle,
-        depth=depth,
+        # NumPy's numbers, too, are to be written to result.json.
+        rectangle=None if rectangle is None else tuple(int(number) for number in rectangle),  # type: ignore[arg-type]
+        depth=None if depth is None else (float(depth[0]), float(depth[1])),
         mesh=mesh,
     )
 
 
-def check_against(job: Job, picture: Picture) -> None:
-    """Check what only the size of the pictures can tell.
+def check_against(job: Job, picture: Picture) -> Job:
+    """Check what only the size of the pictures can tell; returns the job with a range of whole numbers.
 
     Raises:
         InputError: the range or the mask does not fit it.
     """
     height, width = picture.shape[:2]
     if job.disparities != "auto":
-        check_range(job.disparities, width)
+        job = dataclasses.replace(job, disparities=check_range(job.disparities, width))
     if job.mask is not None and job.mask.shape != (height, width):
         raise InputError(f"mask has shape {job.mask.shape}, the rectified pictures {(height, width)}: draw it on those")
+    return job
 
 
 def _check_mesh(mesh: MeshOptions) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import math
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -101,7 +102,7 @@ def reconstruct(
         inputs = {"left": _describe(left), "right": _describe(right)}
         check_pair(raw_left, raw_right)
         check_rig(raw_left, rig)
-        check_against(job, raw_left)
+        job = check_against(job, raw_left)
     with watch.step("rectify"):
         plan = plan_rectification(rig)
         held = rectify_on(device, raw_left, raw_right, rig, plan)
@@ -133,7 +134,7 @@ def reconstruct_rectified(
     with watch.step("read"):
         inputs = {"left": _describe(pair.left), "right": _describe(pair.right)}
         check_pair(pair.left, pair.right)
-        check_against(job, pair.left)
+        job = check_against(job, pair.left)
         held = DevicePair(
             left=device.upload(pair.left),
             right=device.upload(pair.right),
@@ -221,7 +222,8 @@ def _from_rectified(
             "disparities_found": job.disparities == "auto",
             "mask": None if job.mask is None else _digest(job.mask),
             "rectangle": job.rectangle,
-            "depth": job.depth,
+            # JSON knows no infinity: null is an open end.
+            "depth": None if job.depth is None else [end if math.isfinite(end) else None for end in job.depth],
             **{f"mesh.{name}": value for name, value in dataclasses.asdict(job.mesh).items()},
             "mesh.unwrap_used": unwrapped.method,
         },

@@ -106,7 +106,7 @@ class Disparity:
     Args:
         values: (H, W) float32, px; NaN where there is none.
         validity: (H, W) uint8, bits of `Validity`; 0 is a good pixel.
-        confidence: (H, W) float32 in 0..1; 0 where there is no value.
+        confidence: (H, W) float32 in 0..1; 0 where there is no value or a filled one.
         reference: the view that the map is laid out on.
         smallest, disparities: the searched range, [smallest, smallest + disparities).
         backend, device: where it was computed.

@@ -309,7 +309,7 @@ def slant(reference, other, disparity, radius, direction, step, largest_slope):
             else:
                 moved, best = (-1.0, below) if below >= above else (1.0, above)
             values[y, x] = centre + (moved if best >= 0.7 else 0.0) * step
-            scores[y, x] = max(best, 0.0)
+            scores[y, x] = max(best if best >= 0.7 else here, 0.0)
     return values, scores
 
 

@@ -1,6 +1,7 @@
 """Matching as a whole: the paper's pseudo-code, agreement of the devices, accuracy on real pairs, wrong input."""
 
 import dataclasses
+from concurrent.futures import ThreadPoolExecutor
 
 import cv2
 import numpy as np
@@ -118,6 +119,19 @@ def test_noise_gives_no_surface(grain):
     left, right = (np.asarray(120 + rng.integers(0, grain + 1, (240, 320)), np.uint8) for _ in range(2))
     for profile in ("fast", "precise"):
         assert np.isfinite(match(left, right, disparities=(0, 64), profile=profile).values).mean() < 0.02
+
+
+def test_threads_do_not_disturb_each_other(backend):
+    """Two threads share a device and its scratch; every map is the one that a single thread gets."""
+    pairs = [textured_pair(160, 120, seed)[:2] for seed in range(2)]
+
+    def run(pair):
+        return match(*pair, disparities=(0, 32), backend=backend.name).values
+
+    alone = [run(pair) for pair in pairs]
+    with ThreadPoolExecutor(2) as pool:
+        for number, values in enumerate(pool.map(run, pairs * 5)):
+            np.testing.assert_array_equal(values, alone[number % 2])
 
 
 def test_mask_leaves_pixels_out():

@@ -144,7 +144,10 @@ __kernel void slant(
         moved = below >= above ? -1.0f : 1.0f;
         best = below >= above ? below : above;
     }
-    if (best < SURE) moved = 0.0f;
+    if (best < SURE) {
+        moved = 0.0f;
+        best = here;
+    }
     disparity_out[pixel] = plane.centre + moved * step;
     score_out[pixel] = best > 0.0f ? best : 0.0f;
 }

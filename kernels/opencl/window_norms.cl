@@ -1,6 +1,6 @@
 // Sum and inverse norm of the window around every pixel, and which pixels can be matched at all.
 // Sum I and 1 / ||I - mean|| over the window, the picture's edge repeated; a work-item is a strip of rows.
-// The inverse norm is 0, so that nothing correlates, where the norm is under threshold (grey levels,
+// The inverse norm is 0, so that nothing correlates, where the norm is at most threshold (grey levels,
 // sqrt of the sum of squares) or the mask is 0.
 #define TEXTURELESS 2
 #define MASKED 16

@@ -192,5 +192,6 @@ def slant(
         best = above
     if best < SURE:
         moved = 0.0
+        best = here
     disparity_out[pixel] = plane[0] + moved * step
     score_out[pixel] = wp.max(best, 0.0)

@@ -25,7 +25,7 @@ def window_norms(
 ):
     """Sum I and 1 / ||I - mean|| over the window, the picture's edge repeated; a thread is a strip of rows.
 
-    The inverse norm is 0, so that nothing correlates, where the norm is under threshold (grey levels,
+    The inverse norm is 0, so that nothing correlates, where the norm is at most threshold (grey levels,
     sqrt of the sum of squares) or the mask is 0.
     """
     strip, x = wp.tid()

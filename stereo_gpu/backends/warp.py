@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import importlib
 import os
+import threading
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ _ELEMENTS = {
     np.dtype(np.int32): wp.int32,
     np.dtype(np.float32): wp.float32,
 }
+LARGEST_LENGTH = 2**31 - 1  # elements of a Warp array; the largest ones hold four bytes each
 _DRIVER = "install NVIDIA's driver (for example apt-get install nvidia-driver) and reboot"
 
 
@@ -74,6 +76,7 @@ class WarpBackend(Backend):
         self.device = f"{self._device.name}, Warp {wp.__version__}"
         self.kind: Kind = "gpu" if self._device.is_cuda else "cpu"
         self._scratch: wp.array | None = None
+        self._lock = threading.Lock()
 
     def upload(self, array: NDArray[Any]) -> DeviceArray:
         """Copy an array to the device."""
@@ -101,21 +104,23 @@ class WarpBackend(Backend):
         units = self._device.sm_count if self._device.is_cuda else 1
         plan = geometry(kernel, "warp", arguments, units)
         values = {**arguments, **plan.scalars}
-        if plan.scratch_floats:
-            if self._scratch is None or self._scratch.size < plan.scratch_floats:
-                self._scratch = None
-                self._scratch = self._make(wp.empty, (plan.scratch_floats,), np.float32).handle
-            values["scratch"] = DeviceArray((plan.scratch_floats,), np.dtype(np.float32), self._scratch)
-        wanted = [parameter.label for parameter in program.adj.args]
-        missing = [name for name in wanted if name not in values]
-        if missing:
-            raise TypeError(f"kernel {kernel} needs {missing[0]}")
-        inputs = [v.handle if isinstance(v := values[name], DeviceArray) else v for name in wanted]
-        try:
-            # Warp counts axes from the slowest, OpenCL from the fastest.
-            wp.launch(program, dim=plan.size[::-1], inputs=inputs, device=self._device)
-        except RuntimeError as error:
-            raise BackendError(f"kernel {kernel} failed on {self.device}: {error}") from error
+        # On the CPU a launch lets other threads run, which must not write to the same scratch.
+        with self._lock:
+            if plan.scratch_floats:
+                if self._scratch is None or self._scratch.size < plan.scratch_floats:
+                    self._scratch = None
+                    self._scratch = self._make(wp.empty, (plan.scratch_floats,), np.float32).handle
+                values["scratch"] = DeviceArray((plan.scratch_floats,), np.dtype(np.float32), self._scratch)
+            wanted = [parameter.label for parameter in program.adj.args]
+            missing = [name for name in wanted if name not in values]
+            if missing:
+                raise TypeError(f"kernel {kernel} needs {missing[0]}")
+            inputs = [v.handle if isinstance(v := values[name], DeviceArray) else v for name in wanted]
+            try:
+                # Warp counts axes from the slowest, OpenCL from the fastest.
+                wp.launch(program, dim=plan.size[::-1], inputs=inputs, device=self._device)
+            except RuntimeError as error:
+                raise BackendError(f"kernel {kernel} failed on {self.device}: {error}") from error
 
     def finish(self) -> None:
         """Wait until all launches are done."""
@@ -124,13 +129,13 @@ class WarpBackend(Backend):
     def available_bytes(self) -> tuple[int, int]:
         """Bytes that can still be taken in all, and for one array."""
         free = self._device.free_memory if self._device.is_cuda else host_memory()
-        return free, free
+        return free, min(free, 4 * LARGEST_LENGTH)
 
     def _make(self, maker: Any, shape: tuple[int, ...], dtype: DTypeLike) -> DeviceArray:
         element, length = np.dtype(dtype), int(np.prod(shape))
         try:
             return DeviceArray(shape, element, maker(length, dtype=_ELEMENTS[element], device=self._device))
-        except (RuntimeError, MemoryError) as error:
+        except (RuntimeError, MemoryError, ValueError) as error:
             size = length * element.itemsize
             raise MemoryLimitError(
                 f"{self.device} cannot give {size:,} bytes: use a smaller picture or range"
