@@ -273,3 +273,17 @@ def test_motorcycle_in_millimetres(data):
     assert len(result.mesh.faces) > 15_000
     low, high = np.percentile(result.mesh.vertices[:, 2], [1, 99])
     assert 2000 < low < high < 5200
+
+
+def test_numpy_numbers_and_open_depths_are_recorded(small_scene, pictures, tmp_path):
+    options = {
+        **QUICK,
+        "window": np.int64(7),
+        "disparities": tuple(np.array([20, 60])),
+        "depth": (np.float32(10), np.inf),
+    }
+    sg.reconstruct(*pictures, small_scene.rig, **options).save(tmp_path / "out")
+    record = json.loads((tmp_path / "out" / "result.json").read_text("utf-8"))
+    assert record["options"]["depth"] == [10.0, None]
+    assert record["options"]["disparities"] == [20, 60]
+    assert record["options"]["window"] == 7
