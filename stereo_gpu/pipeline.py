@@ -223,7 +223,7 @@ def _from_rectified(
             "mask": None if job.mask is None else _digest(job.mask),
             "rectangle": job.rectangle,
             # JSON knows no infinity: null is an open end.
-            "depth": None if job.depth is None else [end if math.isfinite(end) else None for end in job.depth],
+            "depth": None if job.depth is None else tuple(end if math.isfinite(end) else None for end in job.depth),
             **{f"mesh.{name}": value for name, value in dataclasses.asdict(job.mesh).items()},
             "mesh.unwrap_used": unwrapped.method,
         },
