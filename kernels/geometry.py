@@ -6,11 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-# The same constants as in opencl/ncc_wta.cl, whose work-item holds this much scratch.
-BLOCK = 64
-LANES = 8
-CHUNK = 32
-# The same as in opencl/aggregate.cl.
+# The same constants as in opencl/ncc_wta_cpu.cl, whose work-item holds this much scratch.
+BLOCK, TILE, LANES = 64, 16, 16
+# The same as in opencl/aggregate_cpu.cl.
 PAD = 4
 
 
@@ -31,12 +29,13 @@ class Geometry:
     alone: bool = False
 
 
-def geometry(kernel: str, language: str, arguments: Mapping[str, Any], units: int) -> Geometry:
+def geometry(kernel: str, language: str, form: str, arguments: Mapping[str, Any], units: int) -> Geometry:
     """Say how to launch a kernel.
 
     Args:
         kernel: its name.
         language: "warp" or "opencl".
+        form: "gpu" or "cpu", for kernels that have a form for each.
         arguments: the call's arguments by parameter name.
         units: compute units of the device (cores of a CPU).
     """
@@ -56,14 +55,15 @@ def geometry(kernel: str, language: str, arguments: Mapping[str, Any], units: in
     if kernel == "ncc_volume":
         rows = _rows_a_strip(height, 4)
         return Geometry((arguments["disparities"], width, -(-height // rows)), {"rows": rows})
-    if kernel == "ncc_wta" and language == "opencl":
+    if kernel == "ncc_wta" and language == "opencl" and form == "cpu":
         # Four strips a core even out the load; a strip much shorter than its window would repeat work.
         rows = _rows_a_strip(height, 4 * units)
         strips = -(-height // rows)
-        padded = -(-arguments["disparities"] // CHUNK) * CHUNK
+        padded = -(-arguments["disparities"] // LANES) * LANES
         columns = BLOCK + 2 * arguments["radius"]
-        span = columns + padded
-        floats = padded * (columns + BLOCK) + 5 * span + 3 * columns + 2 * LANES
+        floats = (
+            padded * (columns + 1) + TILE * (padded + 2 * (TILE + LANES)) + 5 * (columns + padded + LANES) + 2 * BLOCK
+        )
         return Geometry((strips,), {"rows": rows}, strips * floats, alone=True)
     if kernel == "ncc_wta":
         # Enough columns x strips to fill a large GPU, few enough that the scratch stays small.

@@ -90,42 +90,46 @@ def ncc_volume(reference, other, validity_reference, validity_other, smallest, d
     return volume
 
 
+def levels_of(disparities):
+    """Levels of a score of 1: 30 bits hold the level and the disparity's index, the index at least 7 of them."""
+    return 2 ** (30 - max(7, (disparities - 1).bit_length()))
+
+
 def wta(volume, validity, smallest, direction, subpixel):
-    """Disparity, score, ratio of second best to best peak, validity, and the other view's winner (-1: none)."""
+    """Disparity, score, ratio of runner-up to best, validity, and the other view's winner (-1: none).
+
+    Scores count in whole levels. The runner-up is the highest level more than one disparity away from the best.
+    """
     height, width, disparities = volume.shape
+    levels = levels_of(disparities)
     disparity = np.full((height, width), np.nan)
     score, ratio = np.zeros((height, width)), np.zeros((height, width))
     out = validity.copy()
     other = np.full((height, width), -1)
     for y in range(height):
-        best_of = [0.0] * width
+        best_of = [0] * width
         for x in range(width):
-            row = [max(0.0, s) for s in volume[y, x]]
+            row = [max(0, math.floor(s * levels)) for s in volume[y, x]]
             best = max(row)
             for i in range(disparities):
                 u = x + direction * (smallest + i)
                 if row[i] <= 0:
                     continue
-                # Of equal scores the smaller disparity wins.
+                # Of equal levels the smaller disparity wins.
                 if row[i] > best_of[u] or (row[i] == best_of[u] and i < other[y, u]):
                     best_of[u], other[y, u] = row[i], i
-            if best == 0.0:
+            if best == 0:
                 out[y, x] = validity[y, x] or OUT_OF_RANGE
                 continue
             index = row.index(best)
             out[y, x] = 0
-            padded = [0.0, *row, 0.0]
-            peaks = [
-                padded[i + 1]
-                for i in range(disparities)
-                if i != index and padded[i + 1] > padded[i] and padded[i + 1] >= padded[i + 2]
-            ]
-            before, after = padded[index], padded[index + 2]
+            before = row[index - 1] if index > 0 else 0
+            after = row[index + 1] if index < disparities - 1 else 0
             disparity[y, x] = smallest + index
             if subpixel and before > 0 and after > 0:
                 disparity[y, x] += 0.5 * (before - after) / (before - 2 * best + after)
-            score[y, x] = best
-            ratio[y, x] = max(peaks, default=0.0) / best
+            score[y, x] = best / levels
+            ratio[y, x] = max((row[i] for i in range(disparities) if abs(i - index) > 1), default=0) / best
     return disparity, score, ratio, out, other
 
 

@@ -10,7 +10,8 @@ import warp as wp
 import stereo_gpu.kernels as kernels
 from stereo_gpu.backends.warp import statuses
 
-WARP = sorted(path.stem for path in (Path(kernels.__file__).parent / "opencl").glob("*.cl"))
+FILES = (path.stem for path in (Path(kernels.__file__).parent / "opencl").glob("*.cl"))
+WARP = sorted(name for name in FILES if not name.endswith("_cpu"))
 
 
 def concrete(parameter, pixel):

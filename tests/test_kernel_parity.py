@@ -10,7 +10,9 @@ import stereo_gpu.kernels as kernels
 from stereo_gpu.kernels.opencl import parameters
 
 FOLDER = Path(kernels.__file__).parent
-OPENCL = sorted(path.stem for path in (FOLDER / "opencl").glob("*.cl"))
+FILES = sorted(path.stem for path in (FOLDER / "opencl").glob("*.cl"))
+OPENCL = [name for name in FILES if not name.endswith("_cpu")]
+FORMS = [name.removesuffix("_cpu") for name in FILES if name.endswith("_cpu")]
 FIXED = ["rectify", "smooth", "ncc_volume", "wta", "ncc_wta", "consistency", "median", "triangulate", "bake"]
 TYPES = {"float32": "float", "int32": "int", "uint8": "uchar", "Any": "PIXEL"}
 
@@ -47,3 +49,8 @@ def test_outputs_come_last_and_are_named_so(name):
 def test_has_reference(name):
     # ncc_wta is ncc_volume followed by wta, and is tested against both.
     assert name == "ncc_wta" or callable(getattr(reference, name))
+
+
+@pytest.mark.parametrize("name", FORMS)
+def test_both_forms_take_the_same_parameters(name):
+    assert parameters(name, "cpu") == parameters(name, "gpu")

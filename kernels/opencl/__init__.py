@@ -20,18 +20,22 @@ class Parameter:
 
 
 @cache
-def source(kernel: str) -> str:
-    """Whole program text of a kernel: the common header, its file, and the headers that the file includes."""
-    text = (_FOLDER / f"{kernel}.cl").read_text("utf-8")
+def source(kernel: str, form: str = "gpu") -> str:
+    """Whole program text of a kernel: the common header, its file, and the headers that the file includes.
+
+    The form "cpu" is NAME_cpu.cl where there is such a file; every other kernel has one form for all devices.
+    """
+    file = _FOLDER / f"{kernel}_cpu.cl"
+    text = (file if form == "cpu" and file.exists() else _FOLDER / f"{kernel}.cl").read_text("utf-8")
     # Includes are spliced in here, since not every compiler takes a folder with a space in its name.
     text = re.sub(r'#include "(\w+\.h)"', lambda match: (_FOLDER / match[1]).read_text("utf-8"), text)
     return (_FOLDER / "common.h").read_text("utf-8") + text
 
 
 @cache
-def parameters(kernel: str) -> tuple[Parameter, ...]:
-    """Parameters of a kernel in order, read from its signature."""
-    text = re.sub(r"//[^\n]*", "", source(kernel))
+def parameters(kernel: str, form: str = "gpu") -> tuple[Parameter, ...]:
+    """Parameters of a kernel in order, read from its signature; the same in every form."""
+    text = re.sub(r"//[^\n]*", "", source(kernel, form))
     signature = re.search(rf"__kernel\s+void\s+{kernel}\s*\((.*?)\)", text, re.DOTALL)
     if signature is None:
         raise ValueError(f"{kernel}.cl holds no kernel named {kernel}")

@@ -1,4 +1,6 @@
 // Left-right check: the other view's winner must point back.
+#include "peaks.h"
+
 #define OCCLUDED 4
 #define MISMATCH 8
 
@@ -35,14 +37,15 @@ __kernel void consistency(
     }
     // The sub-pixel part may round to one pixel past the edge.
     int key = other[y * width + clamp_index(u, width)];
-    float difference = (float)(smallest + 8191 - key % 8192) - value;
+    int bits = index_bits(disparities);
+    float difference = (float)(smallest + key_index(key, bits)) - value;
     if (key > 0 && difference <= tolerance && -difference <= tolerance) return;
     int verdict = OCCLUDED;
     for (int i = 0; i < disparities; i++) {
         int candidate = x + direction * (smallest + i);
         if (candidate < 0 || candidate >= width) continue;
         key = other[y * width + candidate];
-        if (key > 0 && 8191 - key % 8192 == i) verdict = MISMATCH;
+        if (key > 0 && key_index(key, bits) == i) verdict = MISMATCH;
     }
     disparity_out[pixel] = NAN;
     validity_out[pixel] = verdict;

@@ -1,14 +1,6 @@
 // Zero-mean normalized cross-correlation of every pixel at every disparity.
 
-// Sum over one row of the window of reference(x + i) other(u + i), the picture's edge repeated.
-inline float row_product(
-    __global const float *reference, __global const float *other, int row, int x, int u, int width, int radius)
-{
-    float total = 0.0f;
-    for (int i = -radius; i <= radius; i++)
-        total += reference[row + clamp_index(x + i, width)] * other[row + clamp_index(u + i, width)];
-    return total;
-}
+#include "row_product.h"
 
 // NCC of reference(x, y) with other(x + direction d, y), (H, W, D) with d fastest; 0 where there is none.
 // direction is 1 for the right view as reference and -1 for the left one. A work-item is one disparity of

@@ -2,6 +2,8 @@
 
 import warp as wp
 
+from stereo_gpu.kernels.warp.peaks import index_bits, key_index
+
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 OCCLUDED = wp.constant(4)
@@ -43,7 +45,8 @@ def consistency(
         return
     # The sub-pixel part may round to one pixel past the edge.
     key = other[y * width + wp.clamp(u, 0, width - 1)]
-    back = float(smallest + 8191 - key % 8192)
+    bits = index_bits(disparities)
+    back = float(smallest + key_index(key, bits))
     if key > 0 and wp.abs(back - value) <= tolerance:
         return
     verdict = int(OCCLUDED)
@@ -51,7 +54,7 @@ def consistency(
         candidate = x + direction * (smallest + i)
         if candidate >= 0 and candidate < width:
             key = other[y * width + candidate]
-            if key > 0 and 8191 - key % 8192 == i:
+            if key > 0 and key_index(key, bits) == i:
                 verdict = MISMATCH
     disparity_out[pixel] = wp.nan
     validity_out[pixel] = wp.uint8(verdict)

@@ -7,7 +7,16 @@ neighbouring addresses. The box sum of every disparity runs down the strip in sc
 import warp as wp
 
 from stereo_gpu.kernels.warp.ncc_volume import row_product
-from stereo_gpu.kernels.warp.peaks import OUT_OF_RANGE, Peaks, peak_disparity, see, winner_key
+from stereo_gpu.kernels.warp.peaks import (
+    OUT_OF_RANGE,
+    index_bits,
+    no_peaks,
+    peak_disparity,
+    score_level,
+    score_scale,
+    see,
+    winner_key,
+)
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -42,6 +51,7 @@ def ncc_wta(
     strip, x = wp.tid()
     count = float((2 * radius + 1) * (2 * radius + 1))
     first = strip * rows
+    bits = index_bits(disparities)
     boxes = strip * disparities * width + x
     for i in range(disparities):
         scratch[boxes + i * width] = 0.0
@@ -51,7 +61,7 @@ def ncc_wta(
         # The row that left the window when it moved down to y; before the first row nothing has.
         leaving = wp.clamp(y - radius - 1, 0, height - 1) * width
         pixel = y * width + x
-        peaks = Peaks()
+        peaks = no_peaks()
         for i in range(disparities):
             u = x + direction * (smallest + i)
             if u >= 0 and u < width:
@@ -65,21 +75,21 @@ def ncc_wta(
                     score = (
                         (box - (reference_sum[pixel] / count) * other_sum[y * width + u]) * reference_inverse[pixel]
                     ) * other_inverse[y * width + u]
-                    peaks = see(peaks, score, i)
-                    key = winner_key(score, i)
+                    level = score_level(score, bits)
+                    peaks = see(peaks, level, i)
+                    key = winner_key(level, i, bits)
                     # Most scores lose: reading first spares the atomic.
-                    if key > other_out[y * width + u]:
+                    if level > 0 and key > other_out[y * width + u]:
                         wp.atomic_max(other_out, y * width + u, key)
             elif y >= first:
-                peaks = see(peaks, 0.0, i)
+                peaks = see(peaks, 0, i)
         if y >= first:
-            peaks = see(peaks, 0.0, disparities)
-            score_out[pixel] = peaks.best
+            score_out[pixel] = float(peaks.best) / score_scale(bits)
             disparity_out[pixel] = wp.nan
             ratio_out[pixel] = 0.0
             validity_out[pixel] = validity[pixel]
-            if peaks.best > 0.0:
+            if peaks.best > 0:
                 disparity_out[pixel] = peak_disparity(peaks, smallest, subpixel)
-                ratio_out[pixel] = peaks.second / peaks.best
+                ratio_out[pixel] = float(peaks.runner) / float(peaks.best)
             elif validity[pixel] == wp.uint8(0):
                 validity_out[pixel] = wp.uint8(OUT_OF_RANGE)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -55,11 +56,14 @@ class Backend(ABC):
         name: the name that opens it again, such as "warp:cpu".
         device: the device and its driver in words.
         kind: "gpu" or "cpu".
+        form: which form of those kernels runs that have one for GPUs and one for CPUs; the device's kind, but tests
+            run either form on any device.
     """
 
     name: str
     device: str
     kind: Kind
+    form: Kind
 
     @abstractmethod
     def upload(self, array: NDArray[Any]) -> DeviceArray:
@@ -84,6 +88,10 @@ class Backend(ABC):
     @abstractmethod
     def finish(self) -> None:
         """Wait until all launches are done."""
+
+    @abstractmethod
+    def device_times(self) -> AbstractContextManager[list[tuple[str, float]]]:
+        """Collect (kernel, seconds on the device) of every launch inside; the list is full once the block ends."""
 
     @abstractmethod
     def available_bytes(self) -> tuple[int, int]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import logging
 import threading
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -53,13 +55,15 @@ def open_device(part: str = "") -> Backend:
 class OpenCLBackend(Backend):
     """One OpenCL device with an in-order queue; programs are compiled once and cached on disk by the driver."""
 
-    def __init__(self, device: cl.Device) -> None:
+    def __init__(self, device: cl.Device, form: Kind | None = None) -> None:
         self.name = _status(device).name
         self.device = f"{device.name.strip()}, {device.platform.name.strip()}, {device.version.strip()}"
         self.kind: Kind = _kind(device)
+        self.form: Kind = form or self.kind
         self._device = device
         self._context = cl.Context([device])
-        self._queue = cl.CommandQueue(self._context)
+        self._queue = cl.CommandQueue(self._context, properties=cl.command_queue_properties.PROFILING_ENABLE)
+        self._events: list[tuple[str, cl.Event]] | None = None
         self._kernels: dict[tuple[str, str], cl.Kernel] = {}
         self._scratch: cl.Buffer | None = None
         # A kernel object holds its arguments, so setting them and the launch must not be split by a thread.
@@ -90,7 +94,7 @@ class OpenCLBackend(Backend):
 
     def launch(self, kernel: str, **arguments: DeviceArray | int | float) -> None:
         """Run a kernel; arguments by the names in its signature, less those that its geometry decides."""
-        plan = geometry(kernel, "opencl", arguments, self._device.max_compute_units)
+        plan = geometry(kernel, "opencl", self.form, arguments, self._device.max_compute_units)
         values = {**arguments, **plan.scalars}
         with self._lock:
             if plan.scratch_floats:
@@ -104,13 +108,28 @@ class OpenCLBackend(Backend):
             local = self._local_size(plan.size, plan.alone, program)
             padded = tuple(-(-size // group) * group for size, group in zip(plan.size, local, strict=True))
             try:
-                cl.enqueue_nd_range_kernel(self._queue, program, padded, local)
+                event = cl.enqueue_nd_range_kernel(self._queue, program, padded, local)
             except cl.Error as error:
                 raise BackendError(f"kernel {kernel} failed on {self.device}: {_first_line(error)}") from error
+            if self._events is not None:
+                self._events.append((kernel, event))
 
     def finish(self) -> None:
         """Wait until all launches are done."""
         self._queue.finish()
+
+    @contextmanager
+    def device_times(self) -> Iterator[list[tuple[str, float]]]:
+        """Collect (kernel, seconds on the device) of every launch inside; the list is full once the block ends."""
+        times: list[tuple[str, float]] = []
+        events: list[tuple[str, cl.Event]] = []
+        self._events = events
+        try:
+            yield times
+        finally:
+            self._events = None
+        self._queue.finish()
+        times += [(kernel, 1e-9 * (event.profile.end - event.profile.start)) for kernel, event in events]
 
     def available_bytes(self) -> tuple[int, int]:
         """Bytes that can still be taken in all, and for one array."""
@@ -133,7 +152,7 @@ class OpenCLBackend(Backend):
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", cl.CompilerWarning)
                 try:
-                    program = cl.Program(self._context, source(kernel)).build(options=options)
+                    program = cl.Program(self._context, source(kernel, self.form)).build(options=options)
                 except cl.RuntimeError as error:
                     failure = BackendError(f"kernel {kernel} does not compile on {self.device}: {_first_line(error)}")
                     failure.add_note(str(error))

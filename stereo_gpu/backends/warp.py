@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import ctypes
-import importlib
 import os
 import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,7 @@ from numpy.typing import DTypeLike, NDArray
 from stereo_gpu.backends.contract import Backend, DeviceArray, DeviceStatus, Kind, host_memory
 from stereo_gpu.errors import BackendError, MemoryLimitError
 from stereo_gpu.kernels.geometry import geometry
+from stereo_gpu.kernels.warp import program as find_program
 
 _ELEMENTS = {
     np.dtype(np.uint8): wp.uint8,
@@ -69,12 +72,14 @@ def open_device(part: str) -> Backend:
 class WarpBackend(Backend):
     """One Warp device; kernels are compiled once and cached on disk by Warp."""
 
-    def __init__(self, alias: str) -> None:
+    def __init__(self, alias: str, form: Kind | None = None) -> None:
         _initialise()
         self._device = wp.get_device(alias)
         self.name = f"warp:{alias}"
         self.device = f"{self._device.name}, Warp {wp.__version__}"
         self.kind: Kind = "gpu" if self._device.is_cuda else "cpu"
+        self.form: Kind = form or self.kind
+        self._times: list[tuple[str, Any]] | None = None
         self._scratch: wp.array | None = None
         self._lock = threading.Lock()
 
@@ -100,9 +105,9 @@ class WarpBackend(Backend):
 
     def launch(self, kernel: str, **arguments: DeviceArray | int | float) -> None:
         """Run a kernel; arguments by the names in its signature, less those that its geometry decides."""
-        program = getattr(importlib.import_module(f"stereo_gpu.kernels.warp.{kernel}"), kernel)
+        program = find_program(kernel, self.form)
         units = self._device.sm_count if self._device.is_cuda else 1
-        plan = geometry(kernel, "warp", arguments, units)
+        plan = geometry(kernel, "warp", self.form, arguments, units)
         values = {**arguments, **plan.scalars}
         # On the CPU a launch lets other threads run, which must not write to the same scratch.
         with self._lock:
@@ -116,15 +121,39 @@ class WarpBackend(Backend):
             if missing:
                 raise TypeError(f"kernel {kernel} needs {missing[0]}")
             inputs = [v.handle if isinstance(v := values[name], DeviceArray) else v for name in wanted]
+            start = self._now() if self._times is not None else None
             try:
                 # Warp counts axes from the slowest, OpenCL from the fastest.
                 wp.launch(program, dim=plan.size[::-1], inputs=inputs, device=self._device)
             except RuntimeError as error:
                 raise BackendError(f"kernel {kernel} failed on {self.device}: {error}") from error
+            if self._times is not None:
+                self._times.append((kernel, (start, self._now())))
 
     def finish(self) -> None:
         """Wait until all launches are done."""
         wp.synchronize_device(self._device)
+
+    @contextmanager
+    def device_times(self) -> Iterator[list[tuple[str, float]]]:
+        """Collect (kernel, seconds on the device) of every launch inside; the list is full once the block ends."""
+        result: list[tuple[str, float]] = []
+        times: list[tuple[str, Any]] = []
+        self._times = times
+        try:
+            yield result
+        finally:
+            self._times = None
+        self.finish()
+        for kernel, (start, end) in times:
+            elapsed = 1e-3 * wp.get_event_elapsed_time(start, end) if self._device.is_cuda else end - start
+            result.append((kernel, elapsed))
+
+    def _now(self) -> Any:
+        """A mark on the device's own clock; launches on the CPU have ended when they return."""
+        if not self._device.is_cuda:
+            return time.perf_counter()
+        return self._device.stream.record_event(wp.Event(self._device, enable_timing=True))
 
     def available_bytes(self) -> tuple[int, int]:
         """Bytes that can still be taken in all, and for one array."""
