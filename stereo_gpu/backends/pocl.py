@@ -1,9 +1,10 @@
-"""What PoCL needs to build kernels, and how PyPI's PoCL 3.0 gets to know processors newer than its LLVM 14.
+"""What PoCL needs to build kernels, and how PoCL with LLVM 14 gets to know processors newer than that.
 
 PoCL asks LLVM for the processor's name. For one that LLVM does not know the answer is "generic", which clang
-then refuses as a target ("unknown target CPU 'generic'", pocl issue 1049), so that PyPI's PoCL builds no kernel
-on, for example, AMD's Zen 5. No option reaches that name. It lies in the driver's device record in this
-process; writing a known older processor of the same seven letters over it mends the driver for this process.
+then refuses as a target ("unknown target CPU 'generic'", pocl issue 1049), so that PyPI's PoCL 3.0 builds no
+kernel on, for example, AMD's Zen 5. No option reaches that name. It stands in the driver's device record in
+this process; the name of an older processor with the same instructions, put there, mends the driver for this
+process.
 """
 
 from __future__ import annotations
@@ -14,10 +15,16 @@ from pathlib import Path
 
 import pyopencl as cl
 
-_UNKNOWN = b"generic\0"
-# The newest processor that runs the same instructions and whose name is as long, by what the kernel reports.
-_TARGETS = (("avx2", b"haswell\0"), ("sse4_2", b"nehalem\0"))
+# Processors that LLVM 14 knows, newest first, and the instructions (in the words of /proc/cpuinfo) that its
+# compiler may then use. The first one must have AVX-512: PoCL links its library of built-ins for the processor's
+# real instructions, and a kernel built for less cannot call the AVX-512 ones.
+_TARGETS = (
+    ("skylake-avx512", "avx512f avx512bw avx512cd avx512dq avx512vl avx2 fma bmi1 bmi2 abm movbe f16c"),
+    ("haswell", "avx2 fma bmi1 bmi2 abm movbe f16c"),
+    ("nehalem", "sse4_2 popcnt"),
+)
 _RECORD_BYTES = 4096  # the name's address stands 640 bytes into the record of PoCL 3.0; others may differ
+_POINTER = 8
 
 
 def obstacle(device: cl.Device) -> tuple[str, str]:
@@ -25,37 +32,68 @@ def obstacle(device: cl.Device) -> tuple[str, str]:
 
     A processor that PoCL does not know is given a name on the way.
     """
-    if device.platform.name != "Portable Computing Language":
+    if not _is_pocl(device):
         return "", ""
     if shutil.which("ld") is None:
         return "PoCL links each kernel with the linker ld, which is not installed", "apt-get install binutils"
-    if device.version.endswith("x86_64-unknown-linux-gnu-generic") and not _name_processor(device):
+    if _is_unknown(device) and not _name_processor(device):
         reason = "this PoCL does not know this processor and would refuse every kernel"
-        return reason, "apt-get install pocl-opencl-icd, or use another OpenCL driver"
+        return reason, "use a newer PoCL (with LLVM 15 or newer) or another OpenCL driver"
     return "", ""
 
 
-def _name_processor(device: cl.Device) -> bool:
-    """Give the device a processor that LLVM knows; False where the record is not as expected.
+def build_options(device: cl.Device) -> list[str]:
+    """Options for every program on a device.
 
-    Only memory that this process may write is read or written, and only a string that reads "generic".
+    PoCL keeps programs on disk by their source, their options and the processor's name as LLVM told it, which
+    stays "generic". The name in force goes into the options, or a program that was built for another processor
+    could be taken from a folder that two machines share.
+    """
+    if not (_is_pocl(device) and _is_unknown(device)):
+        return []
+    return [f"-DPOCL_PROCESSOR={_name_processor(device)}"]
+
+
+def _is_pocl(device: cl.Device) -> bool:
+    return bool(device.platform.name == "Portable Computing Language")
+
+
+def _is_unknown(device: cl.Device) -> bool:
+    return bool(device.version.strip().endswith("-generic"))
+
+
+def _name_processor(device: cl.Device) -> str:
+    """Give the device a processor that LLVM knows, and say which; empty where the record is not as expected.
+
+    The record holds the addresses of two strings side by side: the target ("x86_64-...-linux-gnu") and the
+    processor. Only a processor that reads "generic" is replaced, by a string from the same allocator, and
+    nothing is read or written but memory that this process may read or write.
     """
     try:
-        flags = Path("/proc/cpuinfo").read_text("ascii", "replace").split()
+        flags = set(Path("/proc/cpuinfo").read_text("ascii", "replace").split())
         maps = [line.split() for line in Path("/proc/self/maps").read_text("utf-8").splitlines()]
     except OSError:
-        return False
-    target = next((name for flag, name in _TARGETS if flag in flags), None)
-    spans = [tuple(int(end, 16) for end in m[0].split("-")) for m in maps if m[1].startswith("rw")]
+        return ""
+    target = next((name for name, needed in _TARGETS if flags.issuperset(needed.split())), None)
+    if target is None:
+        return ""
+    spans = [([int(end, 16) for end in span.split("-")], allowed) for span, allowed, *_ in maps]
 
-    def writable(address: int) -> bool:
-        return any(low <= address and address + 8 <= high for low, high in spans)
+    def may(use: str, address: int, size: int) -> bool:
+        return any(low <= address and address + size <= high and use in allowed for (low, high), allowed in spans)
 
-    for address in range(device.int_ptr, device.int_ptr + _RECORD_BYTES, 8):
-        if target is None or not writable(address):
-            return False
-        name = ctypes.c_uint64.from_address(address).value
-        if writable(name) and ctypes.string_at(name, len(_UNKNOWN)) in (_UNKNOWN, target):
-            ctypes.memmove(name, target, len(target))
-            return True
-    return False
+    def text_at(address: int) -> str:
+        pointer = ctypes.c_uint64.from_address(address).value
+        return ctypes.string_at(pointer, 64).split(b"\0")[0].decode("latin-1") if may("r", pointer, 64) else ""
+
+    for address in range(device.int_ptr, device.int_ptr + _RECORD_BYTES, _POINTER):
+        if not may("w", address, 2 * _POINTER):
+            return ""
+        triple, name = text_at(address), text_at(address + _POINTER)
+        if triple.startswith("x86_64-") and name in ("generic", target):
+            if name == "generic":
+                copy = ctypes.CDLL(None).strdup
+                copy.restype = ctypes.c_void_p
+                ctypes.c_uint64.from_address(address + _POINTER).value = copy(target.encode("ascii"))
+            return target
+    return ""
