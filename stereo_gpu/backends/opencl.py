@@ -148,7 +148,7 @@ class OpenCLBackend(Backend):
 
     def _kernel(self, kernel: str, pixel: str) -> cl.Kernel:
         if (kernel, pixel) not in self._kernels:
-            options = ["-cl-std=CL1.2", *([f"-DPIXEL={pixel}"] if pixel else [])]
+            options = ["-cl-std=CL1.2", *pocl.build_options(self._device), *([f"-DPIXEL={pixel}"] if pixel else [])]
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", cl.CompilerWarning)
                 try:
