@@ -60,6 +60,18 @@ def test_arrays_come_back_as_they_went(backend, dtype):
     assert zeros.dtype == dtype and zeros.shape == (3, 4) and not zeros.any()
 
 
+def test_copies_on_the_device(backend):
+    array = np.arange(12, dtype=np.float32)
+    target = backend.zeros((12,), np.float32)
+    backend.copy(backend.upload(array), target)
+    np.testing.assert_array_equal(backend.download(target), array)
+
+
+def test_says_what_runs_and_compiles_its_kernels(backend):
+    assert backend.driver and backend.compiler
+    assert any(digit.isdigit() for digit in backend.compiler)
+
+
 def test_what_was_downloaded_stays(backend):
     held = backend.upload(np.ones((4, 4), np.float32))
     before = backend.download(held)

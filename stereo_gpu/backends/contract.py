@@ -55,6 +55,7 @@ class Backend(ABC):
     Attributes:
         name: the name that opens it again, such as "warp:cpu".
         device: the device and its driver in words.
+        driver, compiler: what runs the kernels and what compiles them, with versions.
         kind: "gpu" or "cpu".
         form: which form of those kernels runs that have one for GPUs and one for CPUs; the device's kind, but tests
             run either form on any device.
@@ -62,6 +63,8 @@ class Backend(ABC):
 
     name: str
     device: str
+    driver: str
+    compiler: str
     kind: Kind
     form: Kind
 
@@ -80,6 +83,10 @@ class Backend(ABC):
     @abstractmethod
     def download(self, array: DeviceArray) -> NDArray[Any]:
         """Copy an array back to the host, after all launches so far."""
+
+    @abstractmethod
+    def copy(self, source: DeviceArray, target: DeviceArray) -> None:
+        """Copy an array to another one of the same size, both on the device."""
 
     @abstractmethod
     def launch(self, kernel: str, **arguments: DeviceArray | int | float) -> None:

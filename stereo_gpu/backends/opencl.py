@@ -58,6 +58,8 @@ class OpenCLBackend(Backend):
     def __init__(self, device: cl.Device, form: Kind | None = None) -> None:
         self.name = _status(device).name
         self.device = f"{device.name.strip()}, {device.platform.name.strip()}, {device.version.strip()}"
+        self.driver = f"{device.platform.name.strip()} {device.driver_version.strip()}"
+        self.compiler = " ".join(device.platform.version.split())
         self.kind: Kind = _kind(device)
         self.form: Kind = form or self.kind
         self._device = device
@@ -91,6 +93,10 @@ class OpenCLBackend(Backend):
         result = np.empty(array.shape, array.dtype)
         cl.enqueue_copy(self._queue, result, array.handle)
         return result
+
+    def copy(self, source: DeviceArray, target: DeviceArray) -> None:
+        """Copy an array to another one of the same size, both on the device."""
+        cl.enqueue_copy(self._queue, target.handle, source.handle)
 
     def launch(self, kernel: str, **arguments: DeviceArray | int | float) -> None:
         """Run a kernel; arguments by the names in its signature, less those that its geometry decides."""

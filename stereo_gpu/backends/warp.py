@@ -78,6 +78,7 @@ class WarpBackend(Backend):
         self.name = f"warp:{alias}"
         self.device = f"{self._device.name}, Warp {wp.__version__}"
         self.kind: Kind = "gpu" if self._device.is_cuda else "cpu"
+        self.driver, self.compiler = _software(self.kind)
         self.form: Kind = form or self.kind
         self._times: list[tuple[str, Any]] | None = None
         self._scratch: wp.array | None = None
@@ -102,6 +103,10 @@ class WarpBackend(Backend):
         """Copy an array back to the host, after all launches so far."""
         result: NDArray[Any] = array.handle.numpy().reshape(array.shape)
         return result.copy() if self.kind == "cpu" else result
+
+    def copy(self, source: DeviceArray, target: DeviceArray) -> None:
+        """Copy an array to another one of the same size, both on the device."""
+        wp.copy(target.handle, source.handle)
 
     def launch(self, kernel: str, **arguments: DeviceArray | int | float) -> None:
         """Run a kernel; arguments by the names in its signature, less those that its geometry decides."""
@@ -169,6 +174,14 @@ class WarpBackend(Backend):
             raise MemoryLimitError(
                 f"{self.device} cannot give {size:,} bytes: use a smaller picture or range"
             ) from error
+
+
+def _software(kind: Kind) -> tuple[str, str]:
+    """Driver and compiler with their versions."""
+    if kind == "cpu":
+        return "none", f"the LLVM within Warp {wp.__version__}"
+    driver, toolkit = (".".join(map(str, v)) for v in (wp.get_cuda_driver_version(), wp.get_cuda_toolkit_version()))
+    return f"CUDA driver {driver}", f"the CUDA {toolkit} compiler within Warp {wp.__version__}"
 
 
 def _initialise() -> None:
