@@ -21,12 +21,15 @@ class Geometry:
         scalars: parameters of the kernel that the launch decides.
         scratch_floats: length of the kernel's `scratch` buffer in floats; 0 for none.
         alone: work-items that share nothing and are best run one to a work-group.
+        whole: work-items may write to each other's places, which is safe where an atomic is one. Warp's are none on
+            the CPU, so that several threads must not share such a launch.
     """
 
     size: tuple[int, ...]
     scalars: Mapping[str, int] = field(default_factory=dict)
     scratch_floats: int = 0
     alone: bool = False
+    whole: bool = False
 
 
 def geometry(kernel: str, language: str, form: str, arguments: Mapping[str, Any], units: int) -> Geometry:
@@ -41,7 +44,7 @@ def geometry(kernel: str, language: str, form: str, arguments: Mapping[str, Any]
     """
     width, height = arguments.get("width", 1), arguments.get("height", 1)
     if kernel == "cover":
-        return Geometry((arguments["triangles"],))
+        return Geometry((arguments["triangles"],), whole=True)
     if kernel == "bake":
         return Geometry((arguments["texture_width"], arguments["texture_height"]))
     if kernel == "aggregate":

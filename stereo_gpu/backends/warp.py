@@ -14,6 +14,7 @@ import numpy as np
 import warp as wp
 from numpy.typing import DTypeLike, NDArray
 
+from stereo_gpu.backends.bands import Crew, banded, cut, usable_cores
 from stereo_gpu.backends.contract import Backend, DeviceArray, DeviceStatus, Kind, host_memory
 from stereo_gpu.errors import BackendError, MemoryLimitError
 from stereo_gpu.kernels.geometry import geometry
@@ -70,9 +71,15 @@ def open_device(part: str) -> Backend:
 
 
 class WarpBackend(Backend):
-    """One Warp device; kernels are compiled once and cached on disk by Warp."""
+    """One Warp device; kernels are compiled once and cached on disk by Warp.
 
-    def __init__(self, alias: str, form: Kind | None = None) -> None:
+    Args:
+        alias: "cpu", or "cuda:0" and so on.
+        form: which form of the kernels to run; the device's own by default.
+        threads: how many threads run a launch on the CPU; None takes every core that this process may use.
+    """
+
+    def __init__(self, alias: str, form: Kind | None = None, threads: int | None = None) -> None:
         _initialise()
         self._device = wp.get_device(alias)
         self.name = f"warp:{alias}"
@@ -83,6 +90,7 @@ class WarpBackend(Backend):
         self._times: list[tuple[str, Any]] | None = None
         self._scratch: wp.array | None = None
         self._lock = threading.Lock()
+        self._crew = Crew(1 if self._device.is_cuda else threads or usable_cores())
 
     def upload(self, array: NDArray[Any]) -> DeviceArray:
         """Copy an array to the device."""
@@ -111,7 +119,7 @@ class WarpBackend(Backend):
     def launch(self, kernel: str, **arguments: DeviceArray | int | float) -> None:
         """Run a kernel; arguments by the names in its signature, less those that its geometry decides."""
         program = find_program(kernel, self.form)
-        units = self._device.sm_count if self._device.is_cuda else 1
+        units = self._device.sm_count if self._device.is_cuda else self._crew.threads
         plan = geometry(kernel, "warp", self.form, arguments, units)
         values = {**arguments, **plan.scalars}
         # On the CPU a launch lets other threads run, which must not write to the same scratch.
@@ -129,11 +137,24 @@ class WarpBackend(Backend):
             start = self._now() if self._times is not None else None
             try:
                 # Warp counts axes from the slowest, OpenCL from the fastest.
-                wp.launch(program, dim=plan.size[::-1], inputs=inputs, device=self._device)
+                self._run(program, plan.size[::-1], inputs, plan.whole)
             except RuntimeError as error:
                 raise BackendError(f"kernel {kernel} failed on {self.device}: {error}") from error
             if self._times is not None:
                 self._times.append((kernel, (start, self._now())))
+
+    def _run(self, program: Any, size: tuple[int, ...], inputs: list[Any], whole: bool) -> None:
+        if self._device.is_cuda or whole or self._crew.threads == 1:
+            wp.launch(program, dim=size, inputs=inputs, device=self._device)
+            return
+        # Recorded here, since Warp compiles a kernel when it is first asked for, which two threads must not do.
+        bands = [
+            wp.launch(
+                banded(program), dim=(count, *size[1:]), inputs=[first, *inputs], device=self._device, record_cmd=True
+            )
+            for first, count in cut(size[0], self._crew.threads)
+        ]
+        self._crew.run([band.launch for band in bands])
 
     def finish(self) -> None:
         """Wait until all launches are done."""
