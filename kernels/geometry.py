@@ -12,6 +12,12 @@ BLOCK, TILE, LANES = 64, 16, 16
 PAD = 4
 
 
+# The same as in the forms for GPUs, ncc_wta: disparities and columns of a work-group.
+GROUPS = {"opencl": (64, 8), "warp": (128, 16)}
+# Members of the record that waits in their scratch between chunks of disparities.
+RECORD = 7
+
+
 @dataclass(frozen=True)
 class Geometry:
     """One launch.
@@ -20,6 +26,8 @@ class Geometry:
         size: work-items along each axis, the fastest axis first (OpenCL's order).
         scalars: parameters of the kernel that the launch decides.
         scratch_floats: length of the kernel's `scratch` buffer in floats; 0 for none.
+        group: work-items of a group along the fastest axis, where the kernel needs so many; 0 where any number will
+            do. size is a multiple of it.
         alone: work-items that share nothing and are best run one to a work-group.
         whole: work-items may write to each other's places, which is safe where an atomic is one. Warp's are none on
             the CPU, so that several threads must not share such a launch.
@@ -28,6 +36,7 @@ class Geometry:
     size: tuple[int, ...]
     scalars: Mapping[str, int] = field(default_factory=dict)
     scratch_floats: int = 0
+    group: int = 0
     alone: bool = False
     whole: bool = False
 
@@ -43,6 +52,13 @@ def geometry(kernel: str, language: str, form: str, arguments: Mapping[str, Any]
         units: compute units of the device (cores of a CPU).
     """
     width, height = arguments.get("width", 1), arguments.get("height", 1)
+    if kernel == "ncc_wta" and form == "gpu" and language == "opencl":
+        group, columns = GROUPS[language]
+        tiles = -(-width // columns)
+        # About 32 groups a compute unit keep a GPU busy; every strip sums up its first window anew.
+        rows = _rows_a_strip(height, max(4, 32 * units // tiles))
+        record = RECORD * width * height if arguments["disparities"] > group else 1
+        return Geometry((tiles * group, -(-height // rows)), {"rows": rows}, record, group=group)
     if kernel == "cover":
         return Geometry((arguments["triangles"],), whole=True)
     if kernel == "bake":

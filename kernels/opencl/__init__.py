@@ -36,7 +36,7 @@ def source(kernel: str, form: str = "gpu") -> str:
 def parameters(kernel: str, form: str = "gpu") -> tuple[Parameter, ...]:
     """Parameters of a kernel in order, read from its signature; the same in every form."""
     text = re.sub(r"//[^\n]*", "", source(kernel, form))
-    signature = re.search(rf"__kernel\s+void\s+{kernel}\s*\((.*?)\)", text, re.DOTALL)
+    signature = re.search(rf"__kernel\b[^;{{}}]*?\bvoid\s+{kernel}\s*\((.*?)\)", text, re.DOTALL)
     if signature is None:
         raise ValueError(f"{kernel}.cl holds no kernel named {kernel}")
     found = []

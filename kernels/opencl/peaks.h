@@ -53,6 +53,26 @@ inline void see(Peaks *peaks, int level, int i)
     peaks->last = positive;
 }
 
+// What is known after two runs of levels, the second one beginning at index start with the level first; later is
+// the highest level of the second run but that one.
+inline Peaks joined(Peaks one, Peaks two, int start, int first, int later)
+{
+    Peaks peaks = one;
+    if (two.best > one.best) {
+        peaks = two;
+        int at_start = two.index == start, beyond = at_start ? one.earlier : one.best;
+        if (at_start) peaks.before = one.last;
+        peaks.runner = two.runner > beyond ? two.runner : beyond;
+    } else {
+        int at_end = one.index == start - 1, beyond = at_end ? later : two.best;
+        if (at_end) peaks.after = first;
+        peaks.runner = one.runner > beyond ? one.runner : beyond;
+    }
+    peaks.last = two.last;
+    peaks.earlier = one.best > two.earlier ? one.best : two.earlier;
+    return peaks;
+}
+
 // The best level's disparity in px, with a parabola through it and its neighbours where both correlate.
 inline float peak_disparity(int index, int best, int before, int after, int smallest, int subpixel)
 {

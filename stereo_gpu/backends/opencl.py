@@ -16,7 +16,7 @@ from numpy.typing import DTypeLike, NDArray
 from stereo_gpu.backends import pocl
 from stereo_gpu.backends.contract import Backend, DeviceArray, DeviceStatus, Kind, host_memory
 from stereo_gpu.errors import BackendError, MemoryLimitError
-from stereo_gpu.kernels.geometry import geometry
+from stereo_gpu.kernels.geometry import Geometry, geometry
 from stereo_gpu.kernels.opencl import parameters, source
 
 _log = logging.getLogger(__name__)
@@ -111,7 +111,7 @@ class OpenCLBackend(Backend):
             pixel = next((_PIXELS[values[p.name].dtype] for p in parameters(kernel) if p.type == "PIXEL"), "")
             program = self._kernel(kernel, pixel)
             program.set_args(*(self._cast(kernel, p, values) for p in parameters(kernel)))
-            local = self._local_size(plan.size, plan.alone, program)
+            local = self._local_size(plan, program)
             padded = tuple(-(-size // group) * group for size, group in zip(plan.size, local, strict=True))
             try:
                 event = cl.enqueue_nd_range_kernel(self._queue, program, padded, local)
@@ -177,11 +177,11 @@ class OpenCLBackend(Backend):
             raise TypeError(f"kernel {kernel}: {parameter.name} is {value.dtype}, not {np.dtype(wanted)}")
         return value.handle
 
-    def _local_size(self, size: tuple[int, ...], alone: bool, program: cl.Kernel) -> tuple[int, ...]:
+    def _local_size(self, plan: Geometry, program: cl.Kernel) -> tuple[int, ...]:
         limit = program.get_work_group_info(cl.kernel_work_group_info.WORK_GROUP_SIZE, self._device)
         # One row of neighbours: they read neighbouring addresses on a GPU and fill the vectors of a CPU.
-        width = 1 if alone else min(64, limit, self._device.max_work_item_sizes[0], _power_of_two(size[0]))
-        return (width, *(1 for _ in size[1:]))
+        any_number = min(64, limit, self._device.max_work_item_sizes[0], _power_of_two(plan.size[0]))
+        return (plan.group or (1 if plan.alone else any_number), *(1 for _ in plan.size[1:]))
 
 
 def _devices() -> list[cl.Device]:
