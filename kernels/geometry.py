@@ -11,6 +11,9 @@ BLOCK, TILE, LANES = 64, 16, 16
 # The same as in opencl/aggregate_cpu.cl.
 PAD = 4
 
+# Kernels whose OpenCL form for CPUs gives each work-item a band of rows.
+BANDED = frozenset({"fill", "grey", "median", "smooth", "support"})
+
 
 # The same as in the forms for GPUs, ncc_wta: disparities and columns of a work-group.
 GROUPS = {"opencl": (64, 8), "warp": (128, 16)}
@@ -68,9 +71,15 @@ def geometry(kernel: str, language: str, form: str, arguments: Mapping[str, Any]
         return Geometry((lines,), {"lines": lines}, 2 * lines * (arguments["disparities"] + 2 * PAD), alone=True)
     if kernel == "census_volume":
         return Geometry((arguments["disparities"], width, height))
+    if kernel in BANDED and language == "opencl" and form == "cpu":
+        # Eight bands a core even out the load.
+        return Geometry((min(height, 8 * units),), alone=True)
     if kernel == "window_norms":
-        rows = _rows_a_strip(height, 8)
-        return Geometry((width, -(-height // rows)), {"rows": rows})
+        # Eight strips a core even out the load of a CPU, whose form takes whole rows.
+        whole_rows = language == "opencl" and form == "cpu"
+        rows = _rows_a_strip(height, 8 * units if whole_rows else 8)
+        strips = -(-height // rows)
+        return Geometry((strips,) if whole_rows else (width, strips), {"rows": rows}, alone=whole_rows)
     if kernel == "ncc_volume":
         rows = _rows_a_strip(height, 4)
         return Geometry((arguments["disparities"], width, -(-height // rows)), {"rows": rows})

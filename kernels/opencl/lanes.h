@@ -1,0 +1,69 @@
+// Vectors of neighbouring pixels, for the forms that are made for CPUs.
+#ifdef __AVX512BW__
+#define LANES 16
+#else
+#define LANES 8
+#endif
+// Put before a short loop over private vectors, which then stay in registers; PoCL leaves loops as they are.
+#define UNROLL _Pragma("unroll")
+#define BLOCK 128 // columns that a work-item takes at a time
+typedef float lanes __attribute__((ext_vector_type(LANES), aligned(4)));
+typedef int int_lanes __attribute__((ext_vector_type(LANES), aligned(4)));
+typedef uchar uchar_lanes __attribute__((ext_vector_type(LANES), aligned(1)));
+
+// Rows first to last - 1 are this work-item's: an even share of the picture for each.
+inline int2 band_of_rows(int height)
+{
+    int rows = (height - 1) / (int)get_global_size(0) + 1, first = (int)get_global_id(0) * rows;
+    return (int2)(first, first + rows < height ? first + rows : height);
+}
+
+// Columns from p on of a row, as many as asked for and up to a whole vector; outside of the picture NaN, or its
+// edge repeated.
+inline void load_line(float *line, __global const float *row, int p, int columns, int width, int repeat)
+{
+    if (p >= 0 && p + columns + LANES <= width) {
+        for (int k = 0; k < columns; k += LANES) *(lanes *)(line + k) = *(__global const lanes *)(row + p + k);
+        return;
+    }
+    for (int k = 0; k < columns; k += LANES) {
+        if (p + k >= 0 && p + k + LANES <= width) {
+            *(lanes *)(line + k) = *(__global const lanes *)(row + p + k);
+            continue;
+        }
+        for (int j = k; j < k + LANES; j++) {
+            int inside = clamp_index(p + j, width);
+            line[j] = repeat || p + j == inside ? row[inside] : NAN;
+        }
+    }
+}
+
+// Write the columns from x on that lie in the picture.
+inline void store_lanes(__global float *row, int x, int width, lanes value)
+{
+    if (x + LANES <= width) {
+        *(__global lanes *)(row + x) = value;
+    } else {
+        for (int j = 0; x + j < width; j++) row[x + j] = value[j];
+    }
+}
+
+// The largest whole numbers that are not above the lanes. (The built-in floor would be a call.)
+inline lanes floor_lanes(lanes v)
+{
+    lanes whole = __builtin_convertvector(__builtin_convertvector(v, int_lanes), lanes);
+    return v < whole ? whole - 1.0f : whole;
+}
+
+// Whether any lane of a comparison holds.
+inline int any_lane(int_lanes holds)
+{
+#if LANES == 16
+    int8 some = holds.lo | holds.hi;
+#else
+    int8 some = holds;
+#endif
+    int4 few = some.lo | some.hi;
+    int2 two = few.lo | few.hi;
+    return two.x | two.y;
+}
