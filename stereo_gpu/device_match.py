@@ -12,7 +12,7 @@ from stereo_gpu.prepare import prepare_view
 from stereo_gpu.refine import better, complete, lean, verify
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.types import Disparity, Floats, Validity, View
-from stereo_gpu.winners import Winners, find_winners, volume_bytes
+from stereo_gpu.winners import Winners, find_winners, scratch_bytes, volume_bytes
 
 # A map is believed if this share of its pixels has an NCC over that.
 SURE_SHARE, SURE_SCORE = 0.05, 0.5
@@ -145,7 +145,10 @@ def check_match_memory(backend: Backend, width: int, height: int, disparities: i
     pixels = width * height
     # Two pictures, two views with sums, and the maps before and after each refinement.
     needed, largest = pixels * 90, pixels * 12
-    remedy = "use smaller pictures"
+    remedy = "use smaller pictures or fewer disparities"
+    scratch = scratch_bytes(backend, width, height, disparities, options)
+    largest = max(largest, scratch)
+    needed += scratch
     volume = volume_bytes(width, height, disparities, options)
     if volume:
         largest = max(largest, volume)

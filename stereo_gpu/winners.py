@@ -102,6 +102,14 @@ def volume_bytes(width: int, height: int, disparities: int, options: MatchOption
     return cells * 5 if options.smooth_paths else cells * 4 if options.whole_volume else 0
 
 
+def scratch_bytes(backend: Backend, width: int, height: int, disparities: int, options: MatchOptions) -> int:
+    """Bytes of scratch that the kernels of these options take on a device; a diagonal has the most lines."""
+    size = {"width": width, "height": height, "disparities": disparities}
+    if options.smooth_paths:
+        return backend.scratch_bytes("aggregate", **size, step_x=1, step_y=1)
+    return 0 if options.whole_volume else backend.scratch_bytes("ncc_wta", **size, radius=options.window // 2)
+
+
 def _smoothed_volume(
     backend: Backend,
     ours: DeviceView,

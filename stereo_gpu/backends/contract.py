@@ -14,6 +14,8 @@ from numpy.typing import DTypeLike, NDArray
 from stereo_gpu.errors import MemoryLimitError
 
 Kind = Literal["gpu", "cpu"]
+# Scratch up to this size is kept between launches; a larger one goes when the device has nothing to do.
+KEPT_SCRATCH_BYTES = 64 << 20
 
 
 @dataclass(frozen=True)
@@ -99,6 +101,15 @@ class Backend(ABC):
     @abstractmethod
     def device_times(self) -> AbstractContextManager[list[tuple[str, float]]]:
         """Collect (kernel, seconds on the device) of every launch inside; the list is full once the block ends."""
+
+    @abstractmethod
+    def scratch_bytes(self, kernel: str, **arguments: int) -> int:
+        """Bytes of scratch that a launch takes beside its arguments.
+
+        Args:
+            kernel: its name.
+            arguments: those by which its size is decided, such as width, height and disparities.
+        """
 
     @abstractmethod
     def available_bytes(self) -> tuple[int, int]:

@@ -5,8 +5,10 @@ from __future__ import annotations
 import logging
 import threading
 import warnings
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -14,7 +16,7 @@ import pyopencl as cl
 from numpy.typing import DTypeLike, NDArray
 
 from stereo_gpu.backends import pocl
-from stereo_gpu.backends.contract import Backend, DeviceArray, DeviceStatus, Kind, host_memory
+from stereo_gpu.backends.contract import KEPT_SCRATCH_BYTES, Backend, DeviceArray, DeviceStatus, Kind, host_memory
 from stereo_gpu.errors import BackendError, MemoryLimitError
 from stereo_gpu.kernels.geometry import Geometry, geometry
 from stereo_gpu.kernels.opencl import parameters, source
@@ -25,6 +27,19 @@ _PIXELS = {np.dtype(np.uint8): "uchar", np.dtype(np.uint16): "ushort", np.dtype(
 _INSTALL = "pip install pocl-binary-distribution, or apt-get install pocl-opencl-icd"
 
 
+@dataclass(frozen=True)
+class Limits:
+    """What a backend believes that a device allows; None is what the driver says.
+
+    Args:
+        work_group: work-items of a group, at most.
+        local_bytes: local memory of a group.
+    """
+
+    work_group: int | None = None
+    local_bytes: int | None = None
+
+
 def statuses() -> list[DeviceStatus]:
     """Every OpenCL device, best first, or the reason why there is none."""
     try:
@@ -33,35 +48,58 @@ def statuses() -> list[DeviceStatus]:
         return [DeviceStatus("opencl", "no OpenCL driver", "cpu", _first_line(error), _INSTALL)]
     if not found:
         return [DeviceStatus("opencl", "no OpenCL device", "cpu", "no driver offers a device", _INSTALL)]
-    return [_status(device) for device in found]
+    return [_status(name, device) for name, device in found]
 
 
 def open_device(part: str = "") -> Backend:
-    """Open the best device whose platform's or own name contains `part`, whatever the case.
+    """Open the device called `part`, else the best one whose platform's or own name contains it, whatever the case.
+
+    `part` may end in "#2" for the second of several that it fits.
 
     Raises:
         BackendError: there is none; the message lists those that are.
     """
     listed = statuses()
-    usable = {status.name: status for status in listed if status.available}
-    for device in _devices() if usable else []:
-        if part.lower() in f"{device.platform.name} {device.name}".lower() and _status(device).available:
-            return OpenCLBackend(device)
+    usable = {status.name for status in listed if status.available}
+    named = [(name, device) for name, device in _devices() if name in usable] if usable else []
+    for name, device in named:
+        if name.lower() == f"opencl:{part}".lower():
+            return OpenCLBackend(device, name=name)
+    stem, _, number = part.partition("#")
+    fitting = [(n, d) for n, d in named if stem.lower() in f"{d.platform.name} {d.name}".lower()]
+    place = int(number) - 1 if number.isdigit() else 0 if part == stem else -1
+    if 0 <= place < len(fitting):
+        name, device = fitting[place]
+        return OpenCLBackend(device, name=name)
     what = f"no OpenCL device has {part!r} in its name" if part else "no OpenCL device can be used"
     there = "; ".join(f"{s.label}" + (f" ({s.reason})" if s.reason else "") for s in listed)
     raise BackendError(f"{what}; there is: {there}. Mend: choose one of `stereo-gpu devices`, or {_INSTALL}")
 
 
 class OpenCLBackend(Backend):
-    """One OpenCL device with an in-order queue; programs are compiled once and cached on disk by the driver."""
+    """One OpenCL device with an in-order queue; programs are compiled once and cached on disk by the driver.
 
-    def __init__(self, device: cl.Device, form: Kind | None = None) -> None:
-        self.name = _status(device).name
+    Args:
+        device: the device.
+        form: which form of the kernels to run; the device's own by default.
+        limits: what the device allows, where that is less than its driver says.
+        name: the name that opens it again.
+    """
+
+    def __init__(
+        self, device: cl.Device, form: Kind | None = None, limits: Limits = Limits(), name: str | None = None
+    ) -> None:
+        obstacle, remedy = pocl.obstacle(device)
+        if obstacle:
+            raise BackendError(f"{device.name.strip()}: {obstacle}: {remedy}")
+        self.name = name or f"opencl:{device.name.strip()}"
         self.device = f"{device.name.strip()}, {device.platform.name.strip()}, {device.version.strip()}"
         self.driver = f"{device.platform.name.strip()} {device.driver_version.strip()}"
-        self.compiler = " ".join(device.platform.version.split())
+        self.compiler = " ".join([*device.platform.version.split(), *pocl.build_options(device)])
         self.kind: Kind = _kind(device)
         self.form: Kind = form or self.kind
+        self._group_limit = min(device.max_work_item_sizes[0], limits.work_group or device.max_work_group_size)
+        self._local_bytes = limits.local_bytes or device.local_mem_size
         self._device = device
         self._context = cl.Context([device])
         self._queue = cl.CommandQueue(self._context, properties=cl.command_queue_properties.PROFILING_ENABLE)
@@ -100,7 +138,7 @@ class OpenCLBackend(Backend):
 
     def launch(self, kernel: str, **arguments: DeviceArray | int | float) -> None:
         """Run a kernel; arguments by the names in its signature, less those that its geometry decides."""
-        plan = geometry(kernel, "opencl", self.form, arguments, self._device.max_compute_units)
+        plan = self._plan(kernel, arguments)
         values = {**arguments, **plan.scalars}
         with self._lock:
             if plan.scratch_floats:
@@ -111,7 +149,7 @@ class OpenCLBackend(Backend):
             pixel = next((_PIXELS[values[p.name].dtype] for p in parameters(kernel) if p.type == "PIXEL"), "")
             program = self._kernel(kernel, pixel)
             program.set_args(*(self._cast(kernel, p, values) for p in parameters(kernel)))
-            local = self._local_size(plan, program)
+            local = self._local_size(kernel, plan, program)
             padded = tuple(-(-size // group) * group for size, group in zip(plan.size, local, strict=True))
             try:
                 event = cl.enqueue_nd_range_kernel(self._queue, program, padded, local)
@@ -121,8 +159,11 @@ class OpenCLBackend(Backend):
                 self._events.append((kernel, event))
 
     def finish(self) -> None:
-        """Wait until all launches are done."""
+        """Wait until all launches are done, and let go of a large scratch."""
         self._queue.finish()
+        with self._lock:
+            if self._scratch is not None and self._scratch.size > KEPT_SCRATCH_BYTES:
+                self._scratch = None
 
     @contextmanager
     def device_times(self) -> Iterator[list[tuple[str, float]]]:
@@ -141,8 +182,17 @@ class OpenCLBackend(Backend):
         """Bytes that can still be taken in all, and for one array."""
         total = self._device.global_mem_size
         if self.kind == "cpu":
-            total = min(total, host_memory())
+            # The scratch that is held already serves the next job too.
+            held = self._scratch
+            total = min(total, host_memory() + (held.size if held else 0))
         return total, min(total, self._device.max_mem_alloc_size)
+
+    def scratch_bytes(self, kernel: str, **arguments: int) -> int:
+        """Bytes of scratch that a launch takes beside its arguments."""
+        return 4 * int(self._plan(kernel, arguments).scratch_floats)
+
+    def _plan(self, kernel: str, arguments: Mapping[str, Any]) -> Geometry:
+        return geometry(kernel, "opencl", self.form, arguments, self._device.max_compute_units)
 
     def _buffer(self, size: int) -> cl.Buffer:
         try:
@@ -177,31 +227,48 @@ class OpenCLBackend(Backend):
             raise TypeError(f"kernel {kernel}: {parameter.name} is {value.dtype}, not {np.dtype(wanted)}")
         return value.handle
 
-    def _local_size(self, plan: Geometry, program: cl.Kernel) -> tuple[int, ...]:
-        limit = program.get_work_group_info(cl.kernel_work_group_info.WORK_GROUP_SIZE, self._device)
+    def _local_size(self, kernel: str, plan: Geometry, program: cl.Kernel) -> tuple[int, ...]:
+        info = cl.kernel_work_group_info
+        limit = min(self._group_limit, program.get_work_group_info(info.WORK_GROUP_SIZE, self._device))
+        local = program.get_work_group_info(info.LOCAL_MEM_SIZE, self._device)
+        if plan.group > limit or local > self._local_bytes:
+            raise BackendError(
+                f"kernel {kernel} needs groups of {plan.group} and {local:,} bytes of local memory, {self.device} "
+                f"allows {limit} and {self._local_bytes:,}: use warp:cpu, or another device of `stereo-gpu devices`"
+            )
         # One row of neighbours: they read neighbouring addresses on a GPU and fill the vectors of a CPU.
-        any_number = min(64, limit, self._device.max_work_item_sizes[0], _power_of_two(plan.size[0]))
+        any_number = min(64, limit, _power_of_two(plan.size[0]))
         return (plan.group or (1 if plan.alone else any_number), *(1 for _ in plan.size[1:]))
 
 
-def _devices() -> list[cl.Device]:
-    """Every device, GPUs first, then by size; a platform that cannot be asked is left out with its reason logged."""
+def _devices() -> list[tuple[str, cl.Device]]:
+    """Every device with its name, GPUs first, then by size; of equal names the second ends in "#2", and so on.
+
+    A platform that cannot be asked is left out with its reason logged.
+    """
     found = []
     for platform in cl.get_platforms():
         try:
             found += platform.get_devices()
         except cl.Error as error:
             _log.warning("OpenCL platform %s: %s", platform.name, _first_line(error))
-    return sorted(found, key=lambda d: (_kind(d) != "gpu", -d.max_compute_units * d.max_clock_frequency))
+    found.sort(key=lambda d: (_kind(d) != "gpu", -d.max_compute_units * d.max_clock_frequency))
+    seen: Counter[str] = Counter()
+    named = []
+    for device in found:
+        name = f"opencl:{device.name.strip()}"
+        seen[name] += 1
+        named.append((name if seen[name] == 1 else f"{name}#{seen[name]}", device))
+    return named
 
 
-def _status(device: cl.Device) -> DeviceStatus:
+def _status(name: str, device: cl.Device) -> DeviceStatus:
     label = f"{device.name.strip()} ({device.platform.name.strip()})"
     if not (device.available and device.compiler_available):
         reason, remedy = "the driver says that it is not available", "reinstall the driver"
     else:
         reason, remedy = pocl.obstacle(device)
-    return DeviceStatus(f"opencl:{device.name.strip()}", label, _kind(device), reason, remedy)
+    return DeviceStatus(name, label, _kind(device), reason, remedy)
 
 
 def _kind(device: cl.Device) -> Kind:

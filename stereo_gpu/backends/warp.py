@@ -6,7 +6,7 @@ import ctypes
 import os
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
@@ -15,9 +15,9 @@ import warp as wp
 from numpy.typing import DTypeLike, NDArray
 
 from stereo_gpu.backends.bands import Crew, banded, cut, usable_cores
-from stereo_gpu.backends.contract import Backend, DeviceArray, DeviceStatus, Kind, host_memory
+from stereo_gpu.backends.contract import KEPT_SCRATCH_BYTES, Backend, DeviceArray, DeviceStatus, Kind, host_memory
 from stereo_gpu.errors import BackendError, MemoryLimitError
-from stereo_gpu.kernels.geometry import geometry
+from stereo_gpu.kernels.geometry import Geometry, geometry
 from stereo_gpu.kernels.warp import program as find_program
 
 _ELEMENTS = {
@@ -119,8 +119,7 @@ class WarpBackend(Backend):
     def launch(self, kernel: str, **arguments: DeviceArray | int | float) -> None:
         """Run a kernel; arguments by the names in its signature, less those that its geometry decides."""
         program = find_program(kernel, self.form)
-        units = self._device.sm_count if self._device.is_cuda else self._crew.threads
-        plan = geometry(kernel, "warp", self.form, arguments, units)
+        plan = self._plan(kernel, arguments)
         values = {**arguments, **plan.scalars}
         # On the CPU a launch lets other threads run, which must not write to the same scratch.
         with self._lock:
@@ -157,8 +156,11 @@ class WarpBackend(Backend):
         self._crew.run([band.launch for band in bands])
 
     def finish(self) -> None:
-        """Wait until all launches are done."""
+        """Wait until all launches are done, and let go of a large scratch."""
         wp.synchronize_device(self._device)
+        with self._lock:
+            if self._scratch_held() > KEPT_SCRATCH_BYTES:
+                self._scratch = None
 
     @contextmanager
     def device_times(self) -> Iterator[list[tuple[str, float]]]:
@@ -184,7 +186,21 @@ class WarpBackend(Backend):
     def available_bytes(self) -> tuple[int, int]:
         """Bytes that can still be taken in all, and for one array."""
         free = self._device.free_memory if self._device.is_cuda else host_memory()
+        # The scratch that is held already serves the next job too.
+        free += self._scratch_held()
         return free, min(free, 4 * LARGEST_LENGTH)
+
+    def scratch_bytes(self, kernel: str, **arguments: int) -> int:
+        """Bytes of scratch that a launch takes beside its arguments."""
+        return 4 * int(self._plan(kernel, arguments).scratch_floats)
+
+    def _scratch_held(self) -> int:
+        held = self._scratch
+        return 0 if held is None else 4 * int(held.size)
+
+    def _plan(self, kernel: str, arguments: Mapping[str, Any]) -> Geometry:
+        units = self._device.sm_count if self._device.is_cuda else self._crew.threads
+        return geometry(kernel, "warp", self.form, arguments, units)
 
     def _make(self, maker: Any, shape: tuple[int, ...], dtype: DTypeLike) -> DeviceArray:
         element, length = np.dtype(dtype), int(np.prod(shape))
