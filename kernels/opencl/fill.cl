@@ -51,9 +51,9 @@ __kernel void fill(
     float before = value_at(disparity, validity, row, x - left, width);
     float after = value_at(disparity, validity, row, x + right, width);
     if (before != before || after != after) return;
-    float value = before < after ? before : after, difference = after - before;
-    if (difference <= tolerance && -difference <= tolerance)
-        value = before + difference * ((float)left / (float)(left + right));
+    // Counted from the lower end, so that a mirrored picture rounds alike.
+    float value = before < after ? before : after, rise = (before < after ? after : before) - value;
+    if (rise <= tolerance) value += rise * ((float)(before < after ? left : right) / (float)(left + right));
     disparity_out[pixel] = value;
     validity_out[pixel] = FILLED;
 }

@@ -36,11 +36,12 @@ __kernel void fill(
             if (missing && why[x] != MASKED) continue;
             int hole = x - 1 - last;
             if (hole > 0 && hole <= reach && bounds && !missing && why[x] != MASKED) {
-                float before = row[last], after = row[x], difference = after - before;
-                int joined = difference <= tolerance && -difference <= tolerance;
+                // Counted from the lower end, so that a mirrored picture rounds alike.
+                int rising = row[last] < row[x];
+                float value = rising ? row[last] : row[x], rise = (rising ? row[x] : row[last]) - value;
                 for (int k = 1; k <= hole; k++) {
-                    float share = (float)k / (float)(hole + 1);
-                    row_out[last + k] = joined ? before + difference * share : before < after ? before : after;
+                    float share = (float)(rising ? k : hole + 1 - k) / (float)(hole + 1);
+                    row_out[last + k] = rise <= tolerance ? value + rise * share : value;
                     why_out[last + k] = FILLED;
                 }
             }

@@ -71,8 +71,13 @@ def fill(
     after = value_at(disparity, validity, y * width, x + right, width)
     if wp.isnan(before) or wp.isnan(after):
         return
+    # Counted from the lower end, so that a mirrored picture rounds alike.
     value = wp.min(before, after)
-    if wp.abs(after - before) <= tolerance:
-        value = before + (after - before) * (float(left) / float(left + right))
+    rise = wp.max(before, after) - value
+    if rise <= tolerance:
+        steps = right
+        if before < after:
+            steps = left
+        value += rise * (float(steps) / float(left + right))
     disparity_out[pixel] = value
     validity_out[pixel] = wp.uint8(FILLED)
