@@ -51,10 +51,10 @@ def statuses() -> list[DeviceStatus]:
     return [_status(name, device) for name, device in found]
 
 
-def open_device(part: str = "") -> Backend:
+def open_device(part: str = "", form: Kind | None = None, limits: Limits = Limits()) -> Backend:
     """Open the device called `part`, else the best one whose platform's or own name contains it, whatever the case.
 
-    `part` may end in "#2" for the second of several that it fits.
+    `part` may end in "#2" for the second of several that it fits. `form` and `limits` as in OpenCLBackend.
 
     Raises:
         BackendError: there is none; the message lists those that are.
@@ -64,13 +64,13 @@ def open_device(part: str = "") -> Backend:
     named = [(name, device) for name, device in _devices() if name in usable] if usable else []
     for name, device in named:
         if name.lower() == f"opencl:{part}".lower():
-            return OpenCLBackend(device, name=name)
+            return OpenCLBackend(device, form, limits, name)
     stem, _, number = part.partition("#")
     fitting = [(n, d) for n, d in named if stem.lower() in f"{d.platform.name} {d.name}".lower()]
     place = int(number) - 1 if number.isdigit() else 0 if part == stem else -1
     if 0 <= place < len(fitting):
         name, device = fitting[place]
-        return OpenCLBackend(device, name=name)
+        return OpenCLBackend(device, form, limits, name)
     what = f"no OpenCL device has {part!r} in its name" if part else "no OpenCL device can be used"
     there = "; ".join(f"{s.label}" + (f" ({s.reason})" if s.reason else "") for s in listed)
     raise BackendError(f"{what}; there is: {there}. Mend: choose one of `stereo-gpu devices`, or {_INSTALL}")
