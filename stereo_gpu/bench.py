@@ -1,106 +1,146 @@
-"""Time the kernels and the whole match against OpenCV's block matcher, in one run on one input."""
+"""Time every kernel and profile on every device, and OpenCV's matchers and filters in turn with them."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
 
-import cv2
-import numpy as np
+from stereo_gpu.backends import Backend, devices, open_backend
+from stereo_gpu.bench_cases import KERNELS, MATCHES, KernelCase, ProfileCase
+from stereo_gpu.bench_machine import describe_device, describe_machine
+from stereo_gpu.bench_peers import MATCHERS, STAGES, Peer
+from stereo_gpu.bench_report import device_lines, machine_lines, peer_lines, row_line, size_lines
+from stereo_gpu.bench_rows import YARDSTICK_SHARE, Peers, time_case, time_opencv
+from stereo_gpu.bench_run import BenchRun, Row
+from stereo_gpu.bench_scene import build_bench_scene, check_bench_size
+from stereo_gpu.bench_timing import DROPPED, FEWEST_REPEATS, REPEATS, WARM_UP_SHARE
+from stereo_gpu.errors import BackendError, InputError
 
-from stereo_gpu.backends import Backend, open_backend
-from stereo_gpu.config import PROFILES, MatchOptions, Profile
-from stereo_gpu.device_match import check_match_memory
-from stereo_gpu.errors import InputError
-from stereo_gpu.match import match
-from stereo_gpu.prepare import prepare_view
-from stereo_gpu.types import Bytes
-from stereo_gpu.winners import find_winners, volume_bytes
-
-WARM_UP_SECONDS = 1.0
-REPEATS = 11
-LARGEST_SIDE = 16_384  # px
+SIZES = ((640, 480, 64), (1280, 960, 128), (2560, 1920, 256))
+SMALL = (192, 128, 32)  # the size that everything runs at once, so that no compiler runs while a clock does
 
 
-def run_bench(
-    width: int, height: int, disparities: int, *, window: int = 11, backend: str | None = None
-) -> Iterator[str]:
-    """Time a random texture with a slope; yields a line a measurement, medians of REPEATS warm runs.
-
-    The peer is cv2.StereoBM, which sums absolute differences, with all its threads. Times are of this machine
-    and this moment; the ratios in one run are what can be compared.
+@dataclass(frozen=True, kw_only=True)
+class BenchOptions:
+    """What to time, and for how long.
 
     Args:
-        width, height: size of the pictures, px.
-        disparities: how many to search; a multiple of 16, as StereoBM wants it.
-        window: side of the window, px; odd and at least 5, as StereoBM wants it.
-        backend: where to compute; None takes the best device.
+        sizes: width, height and disparities of each.
+        window: side of the window, px.
+        backends: devices by name; none for every one that is found.
+        only: names of kernels, profiles and OpenCV's matchers; none for all.
+        seconds: for each thing at least.
+        cap: seconds for each thing at most, as far as a single run allows.
+    """
+
+    sizes: tuple[tuple[int, int, int], ...] = SIZES
+    window: int = 11
+    backends: tuple[str, ...] = ()
+    only: tuple[str, ...] = ()
+    seconds: float = 5.0
+    cap: float = 60.0
+
+
+def run_bench(options: BenchOptions, say: Callable[[str], None]) -> BenchRun:
+    """Run the benchmark.
+
+    Each of ours is timed in turn with the OpenCV function that does the same and with StereoBM, on the same input.
+
+    Args:
+        options: what to time.
+        say: takes each line of the report as it becomes known.
 
     Raises:
-        InputError: a size is wrong.
-        MemoryLimitError: the job does not fit the device.
+        InputError: a size or a name is wrong.
+        BackendError: a device that was named cannot be used, or there is none.
     """
-    if disparities < 16 or disparities % 16 or window < 5 or window % 2 == 0 or window > 31:
+    check_bench_options(options)
+    opened = _open(options.backends)
+    began, clock = datetime.now(UTC), time.perf_counter()
+    machine = describe_machine()
+    for line in machine_lines(machine):
+        say(line)
+    facts = tuple(describe_device(device) for device in opened)
+    for line in device_lines(facts):
+        say(line)
+    rows: list[Row] = []
+    small = build_bench_scene(*SMALL, options.window)
+    # Small sizes first, so that they can tell how long the large ones will take.
+    for size in sorted(options.sizes, key=lambda size: size[0] * size[1] * size[2]):
+        scene = build_bench_scene(*size, options.window)
+        for line in size_lines(scene.width, scene.height, scene.disparities, scene.window):
+            say(line)
+        peers = Peers(scene)
+        matchers = [peer for peer in MATCHERS if _is_named(peer.name, options.only)]
+        for row in time_opencv(matchers, peers, seconds=options.seconds, cap=options.cap):
+            say(row_line(row, None))
+            rows.append(row)
+        for device, known in zip(opened, facts, strict=True):
+            say(f"  {device.name}")
+            for case in _wanted(options.only):
+                row = time_case(case, device, scene, small, peers, rows, seconds=options.seconds, cap=options.cap)
+                say(row_line(row, known))
+                rows.append(row)
+    described = {peer.name: _settings(peer, options.window) for peer in (*MATCHERS, *STAGES)}
+    for line in peer_lines(described):
+        say(line)
+    return BenchRun(
+        started=began.isoformat(timespec="seconds"),
+        took=round(time.perf_counter() - clock, 1),
+        method={
+            "seconds": options.seconds,
+            "warm_up_seconds": WARM_UP_SHARE * options.seconds,
+            "repeats": REPEATS,
+            "fewest_repeats": FEWEST_REPEATS,
+            "dropped_at_either_end": DROPPED,
+            "cap_seconds": options.cap,
+            "stereobm_share": YARDSTICK_SHARE,
+        },
+        machine=machine,
+        peers=described,
+        devices=facts,
+        rows=tuple(rows),
+    )
+
+
+def check_bench_options(options: BenchOptions) -> None:
+    """Refuse what cannot be timed, before any work.
+
+    Raises:
+        InputError: with what can be.
+    """
+    for size in options.sizes:
+        check_bench_size(*size, options.window)
+    if not 0 < options.seconds <= 3600 or not options.seconds <= options.cap <= 86_400:
         raise InputError(
-            f"{disparities} disparities and window {window}: StereoBM takes a multiple of 16, and 5 to 31, odd"
+            f"{options.seconds:g} seconds with a cap of {options.cap:g}: give 0 to 3600 seconds, and a cap from"
+            " there to 86400"
         )
-    if not (disparities + window < width <= LARGEST_SIDE and window < height <= LARGEST_SIDE):
-        raise InputError(
-            f"size {width} x {height}: give more px than disparities and window take, at most {LARGEST_SIDE} a side"
-        )
-    device = open_backend(backend)
-    options = MatchOptions(window=window, texture_threshold=0.5, subpixel=True)
-    check_match_memory(device, width, height, disparities, options)
-    left, right = _pair(width, height, disparities)
-    peer = cv2.StereoBM.create(disparities, window)
-    everywhere = device.upload(np.ones((height, width), np.uint8))
-    views = [prepare_view(device, device.upload(p), 1.0, everywhere, options) for p in (right, left)]
-
-    def fused() -> None:
-        find_winners(device, views[0], views[1], smallest=0, disparities=disparities, direction=1, options=options)
-        device.finish()
-
-    peer_seconds = _median_seconds(lambda: peer.compute(left, right))
-    cells = width * height * disparities
-    yield f"{width} x {height} x {disparities}, window {window}, {device.name} ({device.device})"
-    yield _line("cv2.StereoBM", peer_seconds, peer_seconds, cells)
-    yield _line("kernel ncc_wta", _median_seconds(fused), peer_seconds, cells)
-    for profile in _profiles(device, width, height, disparities):
-
-        def whole(profile: Profile = profile) -> None:
-            match(left, right, disparities=(0, disparities), window=window, profile=profile, backend=device.name)
-
-        yield _line(f"sg.match {profile}", _median_seconds(whole), peer_seconds, cells)
+    known = [*(case.name for case in (*KERNELS, *MATCHES)), *(peer.name for peer in MATCHERS)]
+    for name in options.only:
+        if not any(_is_named(each, (name,)) for each in known):
+            raise InputError(f"{name!r} cannot be timed: choose from {', '.join(known)}")
 
 
-def _profiles(device: Backend, width: int, height: int, disparities: int) -> list[Profile]:
-    """The profiles that fit the device's memory; a cost volume may not."""
-    total, one = device.available_bytes()
-    held = {profile: volume_bytes(width, height, disparities, PROFILES[profile]) for profile in Profile}
-    return [profile for profile in Profile if held[profile] < one and 2 * held[profile] < total]
+def _is_named(name: str, only: Sequence[str]) -> bool:
+    """Whether a name, or its last word as in `match fast`, is among those that were asked for."""
+    return not only or any(each in (name, name.removeprefix("match ")) for each in only)
 
 
-def _pair(width: int, height: int, disparities: int) -> tuple[Bytes, Bytes]:
-    noise = np.random.default_rng(0).integers(0, 256, (height, width + disparities)).astype(np.float32)
-    texture = cv2.normalize(cv2.GaussianBlur(noise, (0, 0), 1.5), None, 0, 255, cv2.NORM_MINMAX).astype(np.uint8)
-    slope = np.linspace(0.1, 0.8, height, dtype=np.float32)[:, None] * disparities
-    x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
-    left = cv2.remap(texture, np.maximum(x - slope + disparities, 0), y, cv2.INTER_LINEAR)
-    return left, np.ascontiguousarray(texture[:, disparities : disparities + width])
+def _wanted(only: Sequence[str]) -> list[KernelCase | ProfileCase]:
+    return [case for case in (*KERNELS, *MATCHES) if _is_named(case.name, only)]
 
 
-def _median_seconds(work: Callable[[], object]) -> float:
-    end = time.perf_counter() + WARM_UP_SECONDS
-    work()
-    while time.perf_counter() < end:
-        work()
-    taken = []
-    for _ in range(REPEATS):
-        start = time.perf_counter()
-        work()
-        taken.append(time.perf_counter() - start)
-    return float(np.median(taken))
+def _open(names: Sequence[str]) -> list[Backend]:
+    if names:
+        return [open_backend(name) for name in dict.fromkeys(names)]
+    usable = [status.name for status in devices() if status.available]
+    if not usable:
+        raise BackendError("nothing here can compute: see `stereo-gpu doctor`")
+    return [open_backend(name) for name in usable]
 
 
-def _line(name: str, seconds: float, peer: float, cells: int) -> str:
-    return f"{name:<16} {1000 * seconds:9.1f} ms {cells / seconds / 1e9:7.2f} GDE/s {seconds / peer:7.2f} x StereoBM"
+def _settings(peer: Peer, window: int) -> str:
+    return peer.settings.replace("{w}", str(window)).replace("{D}", "D")

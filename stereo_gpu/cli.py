@@ -162,10 +162,28 @@ def _parser() -> argparse.ArgumentParser:
     command("devices", commands.devices, "list what can compute here")
     command("doctor", commands.doctor, "check the installation and every device, and say what would mend the rest")
 
-    bench = command("bench", commands.bench, "time the kernels and OpenCV's block matcher in the same run")
-    bench.add_argument("--size", type=_numbers(int, 3), default=(1280, 960, 128), metavar="W,H,D", help="of the pair")
+    bench = command("bench", commands.bench, "time every kernel and profile, and OpenCV's functions in turn with them")
+    bench.add_argument(
+        "--size",
+        type=_numbers(int, 3),
+        action="append",
+        metavar="W,H,D",
+        help="width, height and disparities; may be given more than once (640,480,64 1280,960,128 2560,1920,256)",
+    )
     bench.add_argument("--window", type=int, default=11, help="side of the window, px (%(default)s)")
-    _backend(bench)
+    bench.add_argument(
+        "--backend", action="append", help="where to compute, as `devices` names it; more than once; default: all"
+    )
+    bench.add_argument("--only", nargs="+", default=[], metavar="NAME", help="kernels, profiles or OpenCV's matchers")
+    bench.add_argument("--seconds", type=float, default=5.0, help="to time each thing at least (%(default)s)")
+    bench.add_argument("--cap", type=float, default=60.0, help="seconds to time each thing at most (%(default)s)")
+    bench.add_argument("--json", type=Path, metavar="FILE", help="write the run to this file")
+    bench.add_argument("--load", type=Path, metavar="FILE", help="take such a file instead of timing anything")
+    bench.add_argument("--compare", type=Path, metavar="OLD.json", help="tell what got slower; exit 1 past the limit")
+    bench.add_argument(
+        "--limit", type=float, default=1.15, help="how many times slower a case may have become (%(default)s)"
+    )
+    bench.add_argument("--plot", type=Path, metavar="DIR", help="folder for a roofline, bar charts and a page")
     return parser
 
 

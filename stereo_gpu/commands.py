@@ -180,11 +180,56 @@ def doctor(options: argparse.Namespace) -> None:
 
 
 def bench(options: argparse.Namespace) -> None:
-    """Print times beside those of StereoBM."""
-    from stereo_gpu.bench import run_bench
+    """Print times beside those of OpenCV, keep them, compare them with older ones, and draw them."""
+    from functools import partial
 
-    for line in run_bench(*options.size, window=options.window, backend=options.backend):
-        print(line, flush=True)
+    from stereo_gpu.bench import SIZES, BenchOptions, check_bench_options, run_bench
+    from stereo_gpu.bench_compare import check_limit, compare, comparison_lines
+    from stereo_gpu.bench_report import report_lines
+    from stereo_gpu.bench_run import BenchRun
+    from stereo_gpu.files import check_writable, check_writable_file
+
+    wanted = BenchOptions(
+        sizes=tuple(options.size or SIZES),
+        window=options.window,
+        backends=tuple(options.backend or ()),
+        only=tuple(options.only),
+        seconds=options.seconds,
+        cap=options.cap,
+    )
+    # Nothing may turn out to be wrong after half an hour.
+    check_bench_options(wanted)
+    check_limit(options.limit)
+    old = BenchRun.load(options.compare) if options.compare else None
+    if options.json:
+        check_writable_file(options.json)
+    if options.plot:
+        from stereo_gpu.bench_plot import check_plotting, write_plots
+
+        check_plotting()
+        check_writable(options.plot)
+    say = partial(print, flush=True)
+    if options.load:
+        run = BenchRun.load(options.load)
+        for line in report_lines(run):
+            say(line)
+    else:
+        run = run_bench(wanted, say)
+    if options.json:
+        run.save(options.json)
+    if options.plot:
+        for path in write_plots(run, options.plot):
+            say(f"wrote {path}")
+    if old:
+        found = compare(old, run, options.limit)
+        for line in comparison_lines(found):
+            say(line)
+        if found.slower:
+            names = ", ".join(dict.fromkeys(change.row.name for change in found.slower))
+            raise StereoError(
+                f"{len(found.slower)} of {len(found.changes)} cases are over {options.limit:g} times slower than in"
+                f" {options.compare}: {names}; run again on a quiet machine to be sure"
+            )
 
 
 def split_pictures(given: Sequence[str]) -> tuple[list[Path], list[Path]]:

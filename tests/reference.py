@@ -476,3 +476,14 @@ def disp_comp(reference, other, smallest, disparities, radius, threshold, direct
 def norm_of(values):
     mean = sum(values) / len(values)
     return math.sqrt(sum((v - mean) ** 2 for v in values))
+
+
+def multiply_add(items, rounds, factor, summand):
+    """Sum of eight chains v = v factor + summand, begun at item + 0 to 7."""
+    out = []
+    for item in range(items):
+        chains = [np.float32(item + k) for k in range(8)]
+        for _ in range(rounds):
+            chains = [v * np.float32(factor) + np.float32(summand) for v in chains]
+        out.append(sum(chains))
+    return np.array(out)

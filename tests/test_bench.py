@@ -1,43 +1,178 @@
-"""The benchmark: its lines, and that what it times gives the right answer."""
+"""The benchmark: every kernel has a case, every case gives a row, and what keeps one from running is said."""
 
-import re
+import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
+import reference
 
-from stereo_gpu import bench
+import stereo_gpu.kernels as kernels
+from stereo_gpu import bench_machine
+from stereo_gpu.backends import open_backend
+from stereo_gpu.bench import BenchOptions, run_bench
+from stereo_gpu.bench_cases import KERNELS, MATCHES, YARDSTICKS
+from stereo_gpu.bench_launches import catch_launches, compulsory
+from stereo_gpu.bench_peers import MATCHERS
+from stereo_gpu.bench_report import report_lines
+from stereo_gpu.bench_rows import Peers, time_case
+from stereo_gpu.bench_run import BenchRun, Row
+from stereo_gpu.bench_scene import build_bench_scene, mesh_of
+from stereo_gpu.bench_timing import Times
 from stereo_gpu.errors import BackendError, InputError
 from stereo_gpu.match import match
+from stereo_gpu.texture import bake_texture
+from stereo_gpu.types import View
 
+SIZE = (160, 96, 32)
 SLOPED_PX = 0.2  # median error of upright windows on rows that differ by 0.24 px each
-LINE = re.compile(r"(.+?) +([\d.]+) ms +([\d.]+) GDE/s +([\d.]+) x StereoBM")
+ROUNDED = 1e-6  # of float32 chains whose last rounding may differ
 
 
-def test_every_line_is_a_measurement(monkeypatch):
-    monkeypatch.setattr(bench, "WARM_UP_SECONDS", 0.01)
-    monkeypatch.setattr(bench, "REPEATS", 3)
-    width, height, disparities = 128, 96, 16
-    head, *lines = bench.run_bench(width, height, disparities, window=7)
-    assert head.startswith("128 x 96 x 16, window 7, ")
-    found = {}
-    for line in lines:
-        name, milliseconds, speed, ratio = LINE.fullmatch(line).groups()
-        found[name] = float(milliseconds), float(speed), float(ratio)
-    assert {"cv2.StereoBM", "kernel ncc_wta", "sg.match paper", "sg.match fast", "sg.match precise"} <= set(found)
-    assert found["cv2.StereoBM"][2] == 1.0
-    for milliseconds, speed, _ in found.values():
-        # Both are rounded, to 0.1 ms and 0.01 GDE/s.
-        evaluations = width * height * disparities / 1e6
-        assert (milliseconds - 0.06) * (speed - 0.006) <= evaluations <= (milliseconds + 0.06) * (speed + 0.006)
+@pytest.fixture
+def small_roofs(monkeypatch):
+    monkeypatch.setattr(bench_machine, "COPIED_BYTES", 1 << 20)
+    monkeypatch.setattr(bench_machine, "PRODUCT_SIDE", 64)
+
+
+def case_of(name):
+    return next(case for case in (*KERNELS, *MATCHES) if case.name == name)
+
+
+def test_every_kernel_is_timed():
+    files = (path.stem for path in (Path(kernels.__file__).parent / "opencl").glob("*.cl"))
+    assert {case.kernel for case in KERNELS} | set(YARDSTICKS) == {name.removesuffix("_cpu") for name in files}
+
+
+def test_every_case_gives_a_row(backend, small_roofs, tmp_path):
+    said = []
+    run = run_bench(BenchOptions(sizes=(SIZE,), window=7, backends=(backend.name,), seconds=0.002, cap=20), said.append)
+    ours = [row for row in run.rows if row.kind != "peer"]
+    assert [row.name for row in ours] == [case.name for case in (*KERNELS, *MATCHES)]
+    assert [row.name for row in run.rows if row.kind == "peer"] == [peer.name for peer in MATCHERS]
+    for row in run.rows:
+        assert row.note == "", f"{row.name}: {row.note}"
+        assert row.size == SIZE and row.window == 7
+        assert row.wall.repeats >= 10
+        assert row.bytes_s > 0 and row.to_stereobm > 0
+    for row in ours:
+        case = case_of(row.name)
+        assert row.on_device.median > 0
+        assert (row.to_peer is not None) == (case.peer is not None)
+        assert (row.transfer is not None) == (row.kind == "profile")
+        assert run.share_of_copy(row) > 0
+    assert run.devices[0].name == backend.name
+    assert run.devices[0].copy_bytes_s > 0 and run.devices[0].operations_s > 0
+    run.save(tmp_path / "run.json")
+    loaded = BenchRun.load(tmp_path / "run.json")
+    assert loaded == run
+    assert list(report_lines(loaded)) == said
+
+
+def test_only_what_was_asked_for(small_roofs):
+    options = BenchOptions(
+        sizes=(SIZE,), window=7, backends=("warp:cpu",), only=("median", "fast", "SGBM HH"), seconds=0.001, cap=9
+    )
+    run = run_bench(options, lambda line: None)
+    assert [row.name for row in run.rows] == ["SGBM HH", "median", "match fast"]
+    assert all(row.to_stereobm > 0 for row in run.rows)
 
 
 def test_the_pair_has_the_slope_that_it_says():
-    left, right = bench._pair(160, 96, 32)
-    values = match(left, right, disparities=(0, 32), window=7, profile="fast").values
-    expected = np.broadcast_to(np.linspace(0.1, 0.8, 96, dtype=np.float32)[:, None] * 32, values.shape)
+    scene = build_bench_scene(160, 96, 32, 7)
+    values = match(scene.left, scene.right, disparities=(0, 32), window=7, profile="fast").values
     inner = np.s_[8:-8, 8:120]
     assert np.isfinite(values[inner]).mean() > 0.95
-    assert np.nanmedian(np.abs(values[inner] - expected[inner])) < SLOPED_PX
+    assert np.nanmedian(np.abs(values[inner] - scene.disparity[inner])) < SLOPED_PX
+
+
+def test_the_mesh_lies_where_the_picture_is():
+    scene = build_bench_scene(160, 96, 32, 7)
+    device = open_backend("warp:cpu")
+    texture = bake_texture(device, device.upload(scene.right), 1.0, mesh_of(scene), scene.pair, View.RIGHT)
+    difference = np.abs(texture[4:-4, 4:-4, 0].astype(int) - scene.right[4:-4, 4:-4])
+    assert np.median(difference) == 0 and (difference <= 1).mean() > 0.99
+
+
+def test_a_launch_is_caught_before_it_runs(backend):
+    held = backend.upload(np.arange(12, dtype=np.float32).reshape(3, 4))
+    first, second = backend.zeros((3, 4), np.float32), backend.zeros((3, 4), np.float32)
+
+    def stage(device):
+        for source, target in ((held, first), (first, second)):
+            device.launch("median", disparity=source, width=4, height=3, size=3, disparity_out=target)
+
+    caught = catch_launches(backend, "median", stage)
+    assert len(caught) == 1 and caught[0]["disparity_out"] is first
+    assert not backend.download(first).any()
+    both = catch_launches(backend, "median", stage, 2)
+    assert [launch["disparity_out"] for launch in both] == [first, second]
+    assert backend.download(first).any() and not backend.download(second).any()
+    # What passes from the first to the second does not have to be moved.
+    assert compulsory("median", both, (3, 4, 16)) == (2 * 4 * 12, "8 WH")
+
+
+def test_bytes_of_volumes_and_of_what_is_added_to():
+    device = open_backend("warp:cpu")
+    height, width, disparities = 3, 5, 16
+    launch = {
+        "cost": device.zeros((height, width, disparities), np.uint8),
+        "picture": device.zeros((height, width), np.float32),
+        "table": device.zeros((7,), np.float32),
+        "width": width,
+        "volume_out": device.zeros((height, width, disparities), np.float32),
+    }
+    size = (height, width, disparities)
+    pixels = height * width
+    assert compulsory("other", [launch], size) == (pixels * (5 * disparities + 4) + 28, "5 WHD + 4 WH + 28")
+    assert compulsory("aggregate", [launch], size)[1] == "9 WHD + 4 WH + 28"
+
+
+def test_a_kernel_that_its_stage_never_launches():
+    with pytest.raises(ValueError, match="never launches kernel median"):
+        catch_launches(open_backend("warp:cpu"), "median", lambda device: None)
+
+
+def test_multiply_add(backend):
+    out = backend.upload(np.full((3, 5), -1, np.float32))
+    backend.launch("multiply_add", width=5, height=3, rounds=9, factor=0.75, summand=1.5, sum_out=out)
+    expected = reference.multiply_add(15, 9, 0.75, 1.5).reshape(3, 5)
+    np.testing.assert_allclose(backend.download(out), expected, rtol=ROUNDED)
+
+
+def test_what_does_not_fit_says_so(monkeypatch):
+    device = open_backend("warp:cpu")
+    scene = build_bench_scene(*SIZE, 7)
+    monkeypatch.setattr(device, "available_bytes", lambda: (100_000, 100_000))
+    row = time_case(case_of("match paper"), device, scene, scene, Peers(scene), [], seconds=0.001, cap=1)
+    assert row.wall is None and row.note.startswith("not run: needs ")
+
+
+def test_a_kernel_that_fails_says_so(monkeypatch):
+    device = open_backend("warp:cpu")
+    scene = build_bench_scene(*SIZE, 7)
+
+    def fail(kernel, **arguments):
+        raise BackendError(f"kernel {kernel} does not compile")
+
+    monkeypatch.setattr(device, "launch", fail)
+    row = time_case(case_of("triangulate"), device, scene, scene, Peers(scene), [], seconds=0.001, cap=1)
+    assert row.wall is None and row.note == "not run: kernel triangulate does not compile"
+
+
+def test_a_smaller_size_tells_that_a_run_would_take_too_long():
+    scene = build_bench_scene(*SIZE, 7)
+    slow = Times(median=2.0, lowest=2.0, highest=2.0, repeats=10)
+    smaller = Row(
+        name="ncc_wta", kind="kernel", device="warp:cpu", width=80, height=48, disparities=16, window=7, wall=slow
+    )
+    device = open_backend("warp:cpu")
+    row = time_case(case_of("ncc_wta"), device, scene, scene, Peers(scene), [smaller], seconds=1, cap=15)
+    assert row.wall is None
+    assert row.note == "not run: about 16 s a run going by 80 x 48 x 16; --cap is 15 s"
+    other = dataclasses.replace(smaller, device="opencl:other")
+    row = time_case(case_of("ncc_wta"), device, scene, scene, Peers(scene), [other], seconds=0.001, cap=15)
+    assert row.wall is not None
 
 
 @pytest.mark.parametrize(
@@ -54,9 +189,23 @@ def test_the_pair_has_the_slope_that_it_says():
 )
 def test_wrong_sizes(size, window, says):
     with pytest.raises(InputError, match=says):
-        next(bench.run_bench(*size, window=window))
+        run_bench(BenchOptions(sizes=(size,), window=window), print)
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"only": ("median", "abacus")}, "'abacus' cannot be timed: choose from ncc_wta, "),
+        ({"seconds": 0.0}, "0 seconds"),
+        ({"seconds": float("nan")}, "nan seconds"),
+        ({"seconds": 9.0, "cap": 8.0}, "cap of 8"),
+    ],
+)
+def test_wrong_options(options, says):
+    with pytest.raises(InputError, match=says):
+        run_bench(BenchOptions(sizes=(SIZE,), **options), print)
 
 
 def test_unknown_backend():
     with pytest.raises(BackendError, match="abacus"):
-        next(bench.run_bench(128, 96, 16, backend="abacus"))
+        run_bench(BenchOptions(sizes=(SIZE,), backends=("abacus",)), print)

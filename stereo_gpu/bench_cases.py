@@ -1,0 +1,211 @@
+"""What the benchmark times: every kernel within the stage that launches it, and every profile."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from stereo_gpu import bench_peers as peers
+from stereo_gpu.backends import Backend
+from stereo_gpu.bench_peers import Peer
+from stereo_gpu.bench_scene import BenchScene, mesh_of
+from stereo_gpu.config import PROFILES, MatchOptions, Profile
+from stereo_gpu.device_match import match_on
+from stereo_gpu.prepare import prepare_view
+from stereo_gpu.rectify import plan_rectification, rectify_on
+from stereo_gpu.refine import better, lean
+from stereo_gpu.texture import bake_texture
+from stereo_gpu.timing import Stopwatch
+from stereo_gpu.triangulate import triangulate_on
+from stereo_gpu.types import View
+from stereo_gpu.winners import Winners
+
+Stage = Callable[[Backend, BenchScene], object]
+
+
+@dataclass(frozen=True, kw_only=True)
+class KernelCase:
+    """A kernel to time.
+
+    Args:
+        name: of the case; the kernel's, and what is special.
+        kernel: the kernel.
+        stage: the library's own code that launches it, on the benchmark's input.
+        per: what its work grows with: "cell" (pixel and disparity) or "pixel" (of the picture or the atlas).
+        peer: the OpenCV function that does the same, where there is one.
+        launches: how many launches make one pass.
+        operations: additions, multiplications and comparisons for each cell or pixel that the formula needs, with
+            running sums for windows; given the window's side. None where it depends on what the pictures show.
+    """
+
+    name: str
+    kernel: str
+    stage: Stage
+    per: Literal["cell", "pixel"] = "pixel"
+    peer: Peer | None = None
+    launches: int = 1
+    operations: Callable[[int], float] | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ProfileCase:
+    """A whole call of `sg.match`, arrays of the host in and out."""
+
+    profile: Profile
+    peer: Peer
+
+    @property
+    def name(self) -> str:
+        """As the benchmark's rows call it."""
+        return f"match {self.profile}"
+
+
+def options_of(profile: Profile, scene: BenchScene) -> MatchOptions:
+    """The profile's options with the benchmark's window."""
+    return dataclasses.replace(PROFILES[profile], window=scene.window)
+
+
+def _matching(profile: Profile) -> Stage:
+    def stage(device: Backend, scene: BenchScene) -> Winners:
+        everywhere = device.upload(np.ones((scene.height, scene.width), np.uint8))
+        return match_on(
+            device,
+            device.upload(scene.left),
+            device.upload(scene.right),
+            scales=(1.0, 1.0),
+            masks=(everywhere, everywhere),
+            smallest=0,
+            disparities=scene.disparities,
+            reference=View.RIGHT,
+            options=options_of(profile, scene),
+            watch=Stopwatch(),
+        )
+
+    return stage
+
+
+def _preparing(colour: bool, smooth: bool) -> Stage:
+    def stage(device: Backend, scene: BenchScene) -> object:
+        options = options_of(Profile.FAST, scene)
+        if smooth:
+            options = dataclasses.replace(options, smooth_sigma=peers.SMOOTH_SIGMA)
+        everywhere = device.upload(np.ones((scene.height, scene.width), np.uint8))
+        picture = device.upload(scene.colour[1] if colour else scene.right)
+        return prepare_view(device, picture, 1.0, everywhere, options)
+
+    return stage
+
+
+def _rectifying(colour: bool) -> Stage:
+    def stage(device: Backend, scene: BenchScene) -> object:
+        left, right = scene.colour if colour else (scene.left, scene.right)
+        return rectify_on(device, left, right, scene.rig, plan_rectification(scene.rig))
+
+    return stage
+
+
+def _leaning(device: Backend, scene: BenchScene) -> object:
+    options = options_of(Profile.PRECISE, scene)
+    everywhere = device.upload(np.ones((scene.height, scene.width), np.uint8))
+    ours, theirs = (
+        prepare_view(device, device.upload(picture), 1.0, everywhere, options) for picture in (scene.right, scene.left)
+    )
+    found = _matching(Profile.FAST)(device, scene)
+    assert isinstance(found, Winners)
+    return lean(device, found, ours, theirs, 1, rounds=1, step_px=options.slant_step_px, options=options)
+
+
+def _merging(device: Backend, scene: BenchScene) -> object:
+    found = _matching(Profile.FAST)(device, scene)
+    assert isinstance(found, Winners)
+    rival = dataclasses.replace(found, values=device.upload(scene.disparity))
+    return better(device, found, rival)
+
+
+def _triangulating(device: Backend, scene: BenchScene) -> object:
+    return triangulate_on(device, device.upload(scene.disparity), View.RIGHT, scene.pair)
+
+
+def _baking(device: Backend, scene: BenchScene) -> object:
+    return bake_texture(device, device.upload(scene.colour[1]), 1.0, mesh_of(scene), scene.pair, View.RIGHT)
+
+
+def _constant(operations: float) -> Callable[[int], float]:
+    return lambda window: operations
+
+
+_FAST, _PAPER, _PRECISE = (_matching(profile) for profile in (Profile.FAST, Profile.PAPER, Profile.PRECISE))
+
+KERNELS = (
+    # The product, its place in two running sums (2 + 2), the score (4), two comparisons.
+    KernelCase(
+        name="ncc_wta",
+        kernel="ncc_wta",
+        stage=_FAST,
+        per="cell",
+        peer=peers.STEREO_BM,
+        operations=_constant(11),
+    ),
+    KernelCase(name="ncc_volume", kernel="ncc_volume", stage=_PAPER, per="cell", operations=_constant(9)),
+    # A peak is told from its neighbours, and held against the best and the second best; the other view's winner.
+    KernelCase(name="wta", kernel="wta", stage=_PAPER, per="cell", operations=_constant(5)),
+    # Each of 62 bits: a comparison, and its place in the number.
+    KernelCase(name="census", kernel="census", stage=_PRECISE, operations=_constant(124)),
+    # Two differences, two counts of bits, their sum.
+    KernelCase(name="census_volume", kernel="census_volume", stage=_PRECISE, per="cell", operations=_constant(5)),
+    # Four ways to come from, the smallest of them and of the row, the cost, and the weighted sum.
+    KernelCase(name="aggregate", kernel="aggregate", stage=_PRECISE, per="cell", operations=_constant(11)),
+    KernelCase(name="slant", kernel="slant", stage=_leaning),
+    KernelCase(name="merge", kernel="merge", stage=_merging),
+    KernelCase(name="rectify", kernel="rectify", stage=_rectifying(colour=False), peer=peers.REMAP),
+    KernelCase(name="rectify RGB", kernel="rectify", stage=_rectifying(colour=True), peer=peers.REMAP_COLOUR),
+    KernelCase(
+        name="grey",
+        kernel="grey",
+        stage=_preparing(colour=True, smooth=False),
+        peer=peers.CVT_COLOR,
+        operations=_constant(9),
+    ),
+    # Two passes over 7 weights.
+    KernelCase(
+        name="smooth",
+        kernel="smooth",
+        stage=_preparing(colour=False, smooth=True),
+        peer=peers.GAUSSIAN_BLUR,
+        launches=2,
+        operations=_constant(28),
+    ),
+    # A square, two running sums in two directions, the norm.
+    KernelCase(
+        name="window_norms",
+        kernel="window_norms",
+        stage=_preparing(colour=False, smooth=False),
+        peer=peers.BOX_FILTERS,
+        operations=_constant(15),
+    ),
+    KernelCase(name="consistency", kernel="consistency", stage=_FAST, peer=peers.VALIDATE),
+    KernelCase(name="median", kernel="median", stage=_FAST, peer=peers.MEDIAN_BLUR),
+    KernelCase(name="support", kernel="support", stage=_FAST),
+    KernelCase(name="fill", kernel="fill", stage=_FAST),
+    KernelCase(
+        name="triangulate",
+        kernel="triangulate",
+        stage=_triangulating,
+        peer=peers.REPROJECT,
+        operations=_constant(9),
+    ),
+    KernelCase(name="cover", kernel="cover", stage=_baking),
+    KernelCase(name="bake", kernel="bake", stage=_baking),
+    KernelCase(name="dilate", kernel="dilate", stage=_baking),
+)
+MATCHES = (
+    ProfileCase(profile=Profile.FAST, peer=peers.CHECKED_BM),
+    ProfileCase(profile=Profile.PAPER, peer=peers.STEREO_BM),
+    ProfileCase(profile=Profile.PRECISE, peer=peers.SGBM_HH),
+)
+# Kernels that are timed for the roofline alone.
+YARDSTICKS = ("multiply_add",)

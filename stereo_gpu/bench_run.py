@@ -1,0 +1,214 @@
+"""What a run of the benchmark found, and the JSON file that keeps it."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from stereo_gpu.bench_machine import DeviceFacts
+from stereo_gpu.bench_timing import Times
+from stereo_gpu.errors import InputError
+from stereo_gpu.files import write_whole
+
+FORMAT = "stereo-gpu bench"
+VERSION = 1
+LARGEST_FILE = 64 << 20  # bytes; a run on ten devices takes about 1 MB
+OPENCV = "OpenCV"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One thing that was timed, at one size on one device.
+
+    Args:
+        name: the kernel, `match PROFILE` or the OpenCV function.
+        kind: "kernel", "profile" or "peer".
+        device: what `--backend` takes, or OPENCV.
+        width, height, disparities, window: of the input.
+        per: what the work grows with: "cell" or "pixel".
+        bytes_moved: what must be moved at least: each input and each output once.
+        formula: these bytes in W, H and D.
+        operations: additions, multiplications and comparisons that the formula needs; None where not counted.
+        wall: time of the whole call, until its result is there; None where it was not run.
+        on_device: of that, time of the kernels by the device's own clock; None where there is none.
+        transfer: seconds of the call's copies to and from the device, measured apart; None where it has none.
+        peer: the OpenCV function that it is held against; empty for none.
+        peer_wall: time of that one, timed in turn with this.
+        stereobm_wall: time of plain StereoBM, timed in turn with this.
+        note: why it was not run, or only once.
+    """
+
+    name: str
+    kind: str
+    device: str
+    width: int
+    height: int
+    disparities: int
+    window: int
+    per: str = "pixel"
+    bytes_moved: int = 0
+    formula: str = ""
+    operations: float | None = None
+    wall: Times | None = None
+    on_device: Times | None = None
+    transfer: float | None = None
+    peer: str = ""
+    peer_wall: Times | None = None
+    stereobm_wall: Times | None = None
+    note: str = ""
+
+    @property
+    def size(self) -> tuple[int, int, int]:
+        """Width, height and disparities."""
+        return self.width, self.height, self.disparities
+
+    @property
+    def key(self) -> tuple[str, str, int, int, int, int]:
+        """What makes it the same case in two runs."""
+        return self.device, self.name, *self.size, self.window
+
+    @property
+    def seconds(self) -> float | None:
+        """Median of the time on the device for a kernel, of the wall time for the rest."""
+        times = self.on_device if self.kind == "kernel" and self.on_device else self.wall
+        return times.median if times else None
+
+    @property
+    def evaluations_s(self) -> float | None:
+        """Disparities evaluated in a second, W x H x D over the time; None for what has no disparities."""
+        if self.per != "cell" or not self.seconds:
+            return None
+        return self.width * self.height * self.disparities / self.seconds
+
+    @property
+    def bytes_s(self) -> float | None:
+        """Bytes that had to be moved, in a second."""
+        return self.bytes_moved / self.seconds if self.seconds and self.bytes_moved else None
+
+    @property
+    def to_peer(self) -> float | None:
+        """Wall time over that of its peer."""
+        return self.wall.median / self.peer_wall.median if self.wall and self.peer_wall else None
+
+    @property
+    def to_stereobm(self) -> float | None:
+        """Wall time over that of StereoBM."""
+        return self.wall.median / self.stereobm_wall.median if self.wall and self.stereobm_wall else None
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchRun:
+    """One run.
+
+    Args:
+        started: when, ISO 8601 in UTC.
+        took: seconds for all of it.
+        method: how long each work was timed, and how.
+        machine: processor, system, versions.
+        peers: the settings of each OpenCV function.
+        devices: what was found, with roofs.
+        rows: what was timed.
+    """
+
+    started: str
+    took: float
+    method: dict[str, float]
+    machine: dict[str, Any]
+    peers: dict[str, str]
+    devices: tuple[DeviceFacts, ...]
+    rows: tuple[Row, ...]
+
+    @property
+    def sizes(self) -> list[tuple[int, int, int]]:
+        """The sizes in the order of the run."""
+        return list(dict.fromkeys(row.size for row in self.rows))
+
+    @property
+    def window(self) -> int:
+        """Side of the window, px."""
+        return self.rows[0].window
+
+    def facts(self, device: str) -> DeviceFacts | None:
+        """What is known of a device; None for OpenCV."""
+        return next((facts for facts in self.devices if facts.name == device), None)
+
+    def share_of_copy(self, row: Row) -> float | None:
+        """Bytes a second over what a copy reaches on the same device."""
+        facts = self.facts(row.device)
+        return row.bytes_s / facts.copy_bytes_s if facts and row.bytes_s else None
+
+    def save(self, path: Path) -> None:
+        """Write it as JSON, whole or not at all; derived figures stand beside the times for other programs.
+
+        Raises:
+            InputError: the file cannot be written.
+        """
+        content = {"format": FORMAT, "version": VERSION, **dataclasses.asdict(self)}
+        for row, held in zip(self.rows, content["rows"], strict=True):
+            held["derived"] = {
+                "disparity_evaluations_s": row.evaluations_s,
+                "bytes_s": row.bytes_s,
+                "share_of_copy": self.share_of_copy(row),
+                "to_peer": row.to_peer,
+                "to_stereobm": row.to_stereobm,
+            }
+        write_whole(path, json.dumps(content, indent=1) + "\n")
+
+    @classmethod
+    def load(cls, path: Path) -> BenchRun:
+        """Read what `save` wrote.
+
+        Raises:
+            InputError: there is no such file, or it is something else.
+        """
+        mend = "give a file that `stereo-gpu bench --json FILE` wrote"
+        try:
+            if path.stat().st_size > LARGEST_FILE:
+                raise InputError(f"{path} has {path.stat().st_size:,} bytes: {mend}")
+            content = json.loads(path.read_text("utf-8"))
+        except OSError as error:
+            raise InputError(f"cannot read {path} ({error.strerror or error}): {mend}") from error
+        except (ValueError, RecursionError) as error:
+            raise InputError(f"{path} is not JSON ({error}): {mend}") from error
+        if not isinstance(content, dict) or content.get("format") != FORMAT:
+            raise InputError(f"{path} is JSON, but no run of the benchmark: {mend}")
+        if content.get("version") != VERSION:
+            raise InputError(f"{path} has version {content.get('version')!r}, this program reads {VERSION}: run again")
+        try:
+            return _parse(content)
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise InputError(f"{path} is damaged ({type(error).__name__}: {error}): {mend}") from error
+
+
+def _parse(content: dict[str, Any]) -> BenchRun:
+    rows = []
+    for held in content["rows"]:
+        fields = {name: value for name, value in held.items() if name != "derived"}
+        for name in ("wall", "on_device", "peer_wall", "stereobm_wall"):
+            fields[name] = None if fields[name] is None else _times(fields[name])
+        row = Row(**fields)
+        if not all(isinstance(side, int) and side > 0 for side in (*row.size, row.window)):
+            raise ValueError(f"a row of size {row.size}, window {row.window}")
+        rows.append(row)
+    if not rows:
+        raise ValueError("no rows")
+    return BenchRun(
+        started=str(content["started"]),
+        took=float(content["took"]),
+        method=dict(content["method"]),
+        machine=dict(content["machine"]),
+        peers=dict(content["peers"]),
+        devices=tuple(DeviceFacts(**facts) for facts in content["devices"]),
+        rows=tuple(rows),
+    )
+
+
+def _times(held: dict[str, Any]) -> Times:
+    times = Times(**held)
+    ordered = 0 <= float(times.lowest) <= float(times.median) <= float(times.highest)
+    if not (ordered and times.median > 0 and int(times.repeats) > 0):
+        raise ValueError(f"times {held}")
+    return times
