@@ -55,6 +55,27 @@ inline lanes floor_lanes(lanes v)
     return v < whole ? whole - 1.0f : whole;
 }
 
+// Why pixels from column x on have no value, for as many lanes as lie in the picture.
+inline int_lanes load_reasons(__global const uchar *row, int x, int width)
+{
+    if (x + LANES <= width) return __builtin_convertvector(*(__global const uchar_lanes *)(row + x), int_lanes);
+    int_lanes reasons = (int_lanes)(0);
+    for (int j = 0; x + j < width; j++) reasons[j] = row[x + j];
+    return reasons;
+}
+
+inline void store_reasons(__global uchar *row, int x, int width, int_lanes reasons)
+{
+    if (x + LANES <= width) {
+        *(__global uchar_lanes *)(row + x) = __builtin_convertvector(reasons, uchar_lanes);
+    } else {
+        for (int j = 0; x + j < width; j++) row[x + j] = reasons[j];
+    }
+}
+
+// The lanes without their signs.
+inline lanes magnitude(lanes v) { return __builtin_astype(__builtin_astype(v, int_lanes) & 0x7fffffff, lanes); }
+
 // Whether any lane of a comparison holds.
 inline int any_lane(int_lanes holds)
 {

@@ -7,20 +7,12 @@
 #define SPAN (GROUP * LANES)
 #define TAPS 64 // that are added from one copy of a row
 
-// Weighted sum along x from column start on.
-inline void along_row(
-    lanes *sums, __global const float *row, __global const float *weights, int taps, int start, int width)
-{
-    float line[SPAN + TAPS + LANES];
-    for (int tap = 0; tap < taps; tap += TAPS) {
-        int some = tap + TAPS < taps ? TAPS : taps - tap;
-        load_line(line, row, start + tap - taps / 2, SPAN + some, width, 1);
-        for (int i = 0; i < some; i++) {
-            lanes weight = (lanes)(weights[tap + i]);
-            UNROLL for (int k = 0; k < GROUP; k++) sums[k] += weight * *(lanes *)(line + i + k * LANES);
-        }
+// Add `some` taps from number `first` on; those of one tap stand side by side at its place.
+#define ADD(pointer, place, first, some) \
+    for (int i = 0; i < (some); i++) { \
+        lanes weight = (lanes)(weights[(first) + i]); \
+        UNROLL for (int k = 0; k < GROUP; k++) sums[k] += weight * *(pointer)((place) + k * LANES); \
     }
-}
 
 // Weighted sum of 2 radius + 1 pixels along x (axis 0) or y (axis 1), the picture's edge repeated.
 // The second pass (axis 1) rounds to whole grey levels, so that the correlation's sums stay exact.
@@ -37,25 +29,27 @@ __kernel void smooth(
 {
     int2 band = band_of_rows(height);
     int taps = 2 * radius + 1;
+    float line[SPAN + TAPS + LANES];
     for (int y = band.x; y < band.y; y++) {
         __global float *row_out = smoothed_out + (long)y * width;
         for (int start = 0; start < width; start += SPAN) {
             lanes sums[GROUP];
             UNROLL for (int k = 0; k < GROUP; k++) sums[k] = (lanes)(0.0f);
-            if (axis == 0) {
-                along_row(sums, source + (long)y * width, weights, taps, start, width);
-            } else if (start + SPAN <= width) {
-                for (int i = 0; i < taps; i++) {
-                    lanes weight = (lanes)(weights[i]);
-                    __global const float *row = source + (long)clamp_index(y + i - radius, height) * width + start;
-                    UNROLL for (int k = 0; k < GROUP; k++) sums[k] += weight * *(__global const lanes *)(row + k * LANES);
+            __global const float *row = source + (long)y * width;
+            if (axis == 0 && start >= radius && start + SPAN + radius <= width) {
+                ADD(__global const lanes *, row + start - radius + i, 0, taps)
+            } else if (axis == 0) {
+                for (int tap = 0; tap < taps; tap += TAPS) {
+                    int some = tap + TAPS < taps ? TAPS : taps - tap;
+                    load_line(line, row, start + tap - radius, SPAN + some, width, 1);
+                    ADD(lanes *, line + i, tap, some)
                 }
+            } else if (start + SPAN <= width) {
+                ADD(__global const lanes *, source + (long)clamp_index(y + i - radius, height) * width + start, 0, taps)
             } else {
-                for (int i = 0; i < taps; i++) {
-                    float line[SPAN];
-                    __global const float *row = source + (long)clamp_index(y + i - radius, height) * width;
-                    load_line(line, row, start, SPAN, width, 1);
-                    UNROLL for (int k = 0; k < GROUP; k++) sums[k] += weights[i] * *(lanes *)(line + k * LANES);
+                for (int tap = 0; tap < taps; tap++) {
+                    load_line(line, source + (long)clamp_index(y + tap - radius, height) * width, start, SPAN, width, 1);
+                    ADD(lanes *, line, tap, 1)
                 }
             }
             UNROLL for (int k = 0; k < GROUP; k++) {
