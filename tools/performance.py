@@ -68,7 +68,7 @@ RUN_IT = """## Run it yourself
 stereo-gpu bench                                        # every device, three sizes: the better part of an hour
 stereo-gpu bench --seconds 0.5 --cap 15                 # the same in minutes, with wider spreads
 stereo-gpu bench --size 1280,960,128 --backend opencl   # one size, one device; both may be given more than once
-stereo-gpu bench --only ncc_wta fast SGBM\\ HH           # some kernels, profiles or matchers
+stereo-gpu bench --only ncc_wta fast "SGBM HH"          # some kernels, profiles or matchers
 stereo-gpu bench --json new.json --plot plots           # keep it; draw it (pip install 'stereo-gpu[plot]')
 stereo-gpu bench --compare docs/performance.json        # what got slower; exit status 1 past the limit
 stereo-gpu bench --load new.json --compare old.json     # two runs that are there already
