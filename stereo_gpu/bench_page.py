@@ -15,13 +15,14 @@ CAPTIONS = {
     "roofline": "How far each kernel is from what the memory and the arithmetic of the device allow.",
 }
 STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; color: #22262b; max-width: 1180px; margin: 2rem auto; padding: 0 1rem }
+body { font: 15px/1.5 system-ui, sans-serif; color: #22262b; max-width: 1300px; margin: 2rem auto; padding: 0 1rem }
 h1 { font-size: 1.5rem } h2 { font-size: 1.15rem; margin-top: 2.2rem }
 figure { margin: 1.5rem 0 } img { max-width: 100%; height: auto } figcaption { color: #5a616b; font-size: .9rem }
 .wide { overflow-x: auto }
 table { border-collapse: collapse; font-size: .84rem; font-variant-numeric: tabular-nums; width: 100% }
-th, td { padding: .22rem .55rem; text-align: right; white-space: nowrap; border-bottom: 1px solid #e6e9ed }
-th { font-weight: 600; border-bottom: 1px solid #5a616b } td.name, th.name { text-align: left }
+th, td { padding: .22rem .45rem; text-align: right; white-space: nowrap; border-bottom: 1px solid #e6e9ed }
+th { font-weight: 600; border-bottom: 1px solid #5a616b }
+th.device { padding-top: .9rem; color: #12708e } td.name, th.name { text-align: left }
 td.note { text-align: left; color: #a04a2c; white-space: normal } .faster { color: #1d7459 } .slower { color: #b8492a }
 dt { font-weight: 600 } dd { margin: 0 0 .5rem 1.2rem } code { font-size: .9em }
 """
@@ -41,7 +42,7 @@ def page(run: BenchRun, pictures: Mapping[str, bytes]) -> str:
         "<h1>stereo-gpu bench</h1>",
         *(f"<p>{escape(line)}</p>" for line in machine_lines(run.machine)),
         "<ul>",
-        *(f"<li>{escape(line.strip())}</li>" for line in device_lines(run.devices)),
+        *(f"<li>{' '.join(escape(line.strip()) for line in device_lines([facts]))}</li>" for facts in run.devices),
         "</ul>",
     ]
     for name, caption in CAPTIONS.items():
@@ -53,12 +54,15 @@ def page(run: BenchRun, pictures: Mapping[str, bytes]) -> str:
             )
     for size in run.sizes:
         parts.append(f"<h2>{size[0]} x {size[1]} x {size[2]}, window {run.window}</h2>")
-        parts.append('<div class="wide"><table><tr><th class="name">device</th><th class="name">what</th>')
+        parts.append('<div class="wide"><table><tr><th class="name"></th>')
         parts += [f"<th>{name}</th>" for name, _ in COLUMNS]
         parts.append(
             '<th class="name">x peer</th><th class="name">least bytes</th><th class="name">operations</th></tr>'
         )
-        parts += [_table_row(run, row) for row in run.rows if row.size == size]
+        shown = [row for row in run.rows if row.size == size]
+        for device in dict.fromkeys(row.device for row in shown):
+            parts.append(f'<tr><th class="name device" colspan="{len(COLUMNS) + 4}">{escape(device)}</th></tr>')
+            parts += [_table_row(run, row) for row in shown if row.device == device]
         parts.append("</table></div>")
     method = run.method
     parts.append(
@@ -77,7 +81,7 @@ def page(run: BenchRun, pictures: Mapping[str, bytes]) -> str:
 
 
 def _table_row(run: BenchRun, row: Row) -> str:
-    name = f'<tr><td class="name">{escape(row.device)}</td><td class="name">{escape(row.name)}</td>'
+    name = f'<tr><td class="name">{escape(row.name)}</td>'
     if row.wall is None:
         return f'{name}<td class="note" colspan="{len(COLUMNS) + 3}">{escape(row.note)}</td></tr>'
     peer = ""
