@@ -87,11 +87,12 @@ def geometry(kernel: str, language: str, form: str, arguments: Mapping[str, Any]
         # Four strips a core even out the load; a strip much shorter than its window would repeat work.
         rows = _rows_a_strip(height, 4 * units)
         strips = -(-height // rows)
-        padded = -(-arguments["disparities"] // LANES) * LANES
-        columns = BLOCK + 2 * arguments["radius"]
-        floats = (
-            padded * (columns + 1) + TILE * (padded + 2 * (TILE + LANES)) + 5 * (columns + padded + LANES) + 2 * BLOCK
-        )
+        # What lay_out in opencl/ncc_wta_cpu.cl takes, with vectors of at most 16 lanes.
+        padded = -(-arguments["disparities"] // 16) * 16
+        block = min(640, max(64, 65536 // padded // 16 * 16))
+        columns = block + 2 * arguments["radius"]
+        span = (columns + padded + 16) // 16 * 16 + 16
+        floats = (padded + 16) * (columns + 1) + 16 * (padded + 64) + 5 * span + 2 * block + 35 * 16
         return Geometry((strips,), {"rows": rows}, strips * floats, alone=True)
     if kernel == "ncc_wta":
         # Enough columns x strips to fill a large GPU, few enough that the scratch stays small.

@@ -1,22 +1,23 @@
 // Correlation and winner takes all in one pass that never holds the volume: the form for CPUs.
 //
-// A work-item owns a strip of rows and takes it in blocks of BLOCK columns. Column sums of products run down
-// the strip, box sums along the row; both lie with the disparities side by side, so that every vector instruction
-// works on LANES disparities of one pixel. Columns count in the direction in which the other view's match
-// walks forward, which for the left view as reference is from the right edge to the left.
+// A work-item owns a strip of rows and takes it in blocks of columns, whose sums fit a second-level cache. Column
+// sums of products run down the strip, box sums along the row; both lie with the disparities side by side, so that
+// every vector instruction works on LANES disparities of one pixel. Columns count in the direction in which the
+// other view's match walks forward, which for the left view as reference is from the right edge to the left.
+#include "lanes.h"
 #include "peaks.h"
 
-#ifdef __AVX512BW__
-#define LANES 16
+#define GROUP 2 // pixels that share a walk over the disparities; with more, the walk itself gets slower
+#define TILE LANES // pixels whose keys are held until their winners and the other view's are taken
+typedef short shorts __attribute__((vector_size(4 * LANES)));
+
+// A row's beginning is cold when the row's turn comes: its address is too far from the last row's for the hardware
+// to foresee.
+#ifdef __x86_64__
+#define FETCH(address) __builtin_prefetch((const void *)(size_t)(address))
 #else
-#define LANES 8
+#define FETCH(address)
 #endif
-#define BLOCK 64
-#define TILE 16 // pixels whose keys are held until the other view has looked at them
-typedef float lanes __attribute__((ext_vector_type(LANES), aligned(4)));
-typedef int int_lanes __attribute__((ext_vector_type(LANES), aligned(4)));
-typedef short short_pairs __attribute__((ext_vector_type(2 * LANES), aligned(4)));
-typedef short shorts __attribute__((ext_vector_type(LANES)));
 
 // The picture's column at walking position p.
 inline int column_at(int p, int width, int direction) { return direction > 0 ? p : width - 1 - p; }
@@ -33,15 +34,28 @@ inline lanes reversed(lanes v)
 // Walking positions p .. p + LANES - 1 of a row: beyond its ends its edge repeated, or 0.
 inline lanes load_row(__global const float *row, int p, int width, int direction, int zero)
 {
-    if (p >= 0 && p + LANES <= width)
-        return direction > 0 ? *(__global const lanes *)(row + p)
-                             : reversed(*(__global const lanes *)(row + width - LANES - p));
-    lanes result;
+    if (p >= 0 && p + LANES <= width) {
+        if (direction < 0) return reversed(*(__global const lanes *)(row + width - LANES - p));
+        FETCH(row + width + p);
+        return *(__global const lanes *)(row + p);
+    }
+    float values[LANES];
     for (int k = 0; k < LANES; k++) {
         int at = p + k;
-        result[k] = zero && (at < 0 || at >= width) ? 0.0f : row[column_at(clamp_index(at, width), width, direction)];
+        values[k] = zero && (at < 0 || at >= width) ? 0.0f : row[column_at(clamp_index(at, width), width, direction)];
     }
-    return result;
+    return *(const lanes *)values;
+}
+
+// Store to walking positions p .. p + LANES - 1 of a row those that lie in the picture.
+inline void store_row(lanes v, __global float *row_out, int p, int width, int direction)
+{
+    if (p + LANES <= width) {
+        if (direction > 0) *(__global lanes *)(row_out + p) = v;
+        else *(__global lanes *)(row_out + width - LANES - p) = reversed(v);
+        return;
+    }
+    for (int k = 0; p + k < width; k++) row_out[column_at(p + k, width, direction)] = v[k];
 }
 
 // Two whole numbers of 16 bits a lane, first below second.
@@ -50,23 +64,253 @@ inline int_lanes pair(lanes first, lanes second)
     return (__builtin_convertvector(first, int_lanes) & 0xffff) | (__builtin_convertvector(second, int_lanes) << 16);
 }
 
-// first x first + second x second of every lane: one instruction, which compilers recognise in this form.
+// first x first + second x second of every lane, which x86 has one instruction for.
+#define WORDS(pairs) __builtin_astype(pairs, shorts)
 inline int_lanes pair_product(int_lanes a, int_lanes b)
 {
-    short_pairs p = __builtin_astype(a, short_pairs), q = __builtin_astype(b, short_pairs);
-    return __builtin_convertvector((shorts)p.even, int_lanes) * __builtin_convertvector((shorts)q.even, int_lanes)
-           + __builtin_convertvector((shorts)p.odd, int_lanes) * __builtin_convertvector((shorts)q.odd, int_lanes);
+#if defined(__AVX512BW__)
+    return __builtin_astype(__builtin_ia32_pmaddwd512(WORDS(a), WORDS(b)), int_lanes);
+#elif defined(__AVX2__)
+    return __builtin_astype(__builtin_ia32_pmaddwd256(WORDS(a), WORDS(b)), int_lanes);
+#else
+    return (a << 16 >> 16) * (b << 16 >> 16) + (a >> 16) * (b >> 16);
+#endif
 }
 
 inline int_lanes larger(int_lanes a, int_lanes b) { return a > b ? a : b; }
 
 inline int_lanes smaller(int_lanes a, int_lanes b) { return a < b ? a : b; }
 
-inline int largest(int_lanes v)
+// Two rows whose lanes hold largest values of 1, 2, 4 or 8 lanes become one of 2, 4, 8 or 16.
+#if LANES == 16
+#define PICK __builtin_shufflevector
+#define MERGE_1(a, b)                                                        \
+    larger(PICK(a, b, 0, 16, 2, 18, 4, 20, 6, 22, 8, 24, 10, 26, 12, 28, 14, 30), \
+           PICK(a, b, 1, 17, 3, 19, 5, 21, 7, 23, 9, 25, 11, 27, 13, 29, 15, 31))
+#define MERGE_2(a, b)                                                        \
+    larger(PICK(a, b, 0, 1, 16, 17, 4, 5, 20, 21, 8, 9, 24, 25, 12, 13, 28, 29), \
+           PICK(a, b, 2, 3, 18, 19, 6, 7, 22, 23, 10, 11, 26, 27, 14, 15, 30, 31))
+#define MERGE_4(a, b)                                                        \
+    larger(PICK(a, b, 0, 1, 2, 3, 16, 17, 18, 19, 8, 9, 10, 11, 24, 25, 26, 27), \
+           PICK(a, b, 4, 5, 6, 7, 20, 21, 22, 23, 12, 13, 14, 15, 28, 29, 30, 31))
+#define MERGE_8(a, b)                                                        \
+    larger(PICK(a, b, 0, 1, 2, 3, 4, 5, 6, 7, 16, 17, 18, 19, 20, 21, 22, 23), \
+           PICK(a, b, 8, 9, 10, 11, 12, 13, 14, 15, 24, 25, 26, 27, 28, 29, 30, 31))
+#else
+#define MERGE_1(a, b)                                              \
+    larger(__builtin_shufflevector(a, b, 0, 8, 2, 10, 4, 12, 6, 14), \
+           __builtin_shufflevector(a, b, 1, 9, 3, 11, 5, 13, 7, 15))
+#define MERGE_2(a, b)                                              \
+    larger(__builtin_shufflevector(a, b, 0, 1, 8, 9, 4, 5, 12, 13), \
+           __builtin_shufflevector(a, b, 2, 3, 10, 11, 6, 7, 14, 15))
+#define MERGE_4(a, b)                                              \
+    larger(__builtin_shufflevector(a, b, 0, 1, 2, 3, 8, 9, 10, 11), \
+           __builtin_shufflevector(a, b, 4, 5, 6, 7, 12, 13, 14, 15))
+#endif
+// Row t's largest value in lane t, of LANES rows. Rows are merged in pairs, so that each step halves their number
+// and keeps all lanes at work.
+inline int_lanes largest_of_rows(__global const int_lanes *rows)
 {
-    int result = v[0];
-    for (int k = 1; k < LANES; k++) result = v[k] > result ? v[k] : result;
-    return result;
+    int_lanes held[LANES];
+    UNROLL
+    for (int t = 0; t < LANES; t += 2) held[t / 2] = MERGE_1(rows[t], rows[t + 1]);
+    UNROLL
+    for (int t = 0; t < LANES / 2; t += 2) held[t / 2] = MERGE_2(held[t], held[t + 1]);
+    UNROLL
+    for (int t = 0; t < LANES / 4; t += 2) held[t / 2] = MERGE_4(held[t], held[t + 1]);
+#if LANES == 16
+    held[0] = MERGE_8(held[0], held[1]);
+#endif
+    return held[0];
+}
+
+// What a strip works on; every part begins at a multiple of 64 bytes.
+typedef struct {
+    int padded, pitch, key_row;     // disparities, and the lengths of a row of sums and of keys
+    int bits, mask;                 // of an index in a key
+    __global int *sums;             // column sums of products, disparities side by side, a row a column
+    __global int *box;              // their sum over the window's columns
+    __global int *keys;             // a row a pixel of the tile, with zeros on either side
+    __global int *ours, *theirs;    // the rows that enter and leave the window, as pairs
+    __global float *sum_u, *inverse_u, *mean_x, *inverse_x; // of the other view's windows and of ours
+    __global int *key_u;            // the other view's best keys
+    __global int_lanes *highest, *seconds; // lane by lane the two best keys of every pixel of the tile
+    __global int *places, *befores, *afters;
+} Strip;
+
+// Lay out a strip's scratch for blocks of so many columns; kernels/geometry.py computes the same size.
+inline Strip lay_out(__global float *scratch, int strip, int block, int disparities, int radius)
+{
+    Strip s;
+    s.padded = (disparities + LANES - 1) / LANES * LANES;
+    s.pitch = s.padded + 16; // at a multiple of 4096 bytes, stores and loads of different pixels would look alike
+    s.key_row = s.padded + 2 * (TILE + LANES);
+    s.bits = index_bits(disparities);
+    s.mask = (1 << s.bits) - 1;
+    int columns = block + 2 * radius, span = (columns + s.padded + LANES) / 16 * 16 + 16;
+    int length = s.pitch * (columns + 1) + TILE * s.key_row + 5 * span + 2 * block + (2 * TILE + 3) * LANES;
+    s.sums = (__global int *)scratch + (long)strip * length;
+    s.box = s.sums + s.pitch * columns;
+    s.keys = s.box + s.pitch + TILE + LANES;
+    s.ours = s.box + s.pitch + TILE * s.key_row;
+    s.theirs = s.ours + span;
+    s.key_u = s.theirs + span;
+    s.sum_u = (__global float *)(s.key_u + span);
+    s.inverse_u = s.sum_u + span;
+    s.mean_x = s.inverse_u + span;
+    s.inverse_x = s.mean_x + block;
+    s.highest = (__global int_lanes *)(s.inverse_x + block);
+    s.seconds = s.highest + TILE;
+    s.places = (__global int *)(s.seconds + TILE);
+    s.befores = s.places + TILE;
+    s.afters = s.befores + TILE;
+    for (int k = 0; k < TILE * s.key_row; k++) s.keys[k - TILE - LANES] = 0;
+    return s;
+}
+
+// Add a row's products to the sums of column c, and to the box where it is wanted.
+inline void add_products(Strip s, int c, int with_box)
+{
+    int_lanes own = (int_lanes)(s.ours[c]);
+    for (int i = 0; i < s.padded; i += LANES) {
+        __global int_lanes *sum = (__global int_lanes *)(s.sums + c * s.pitch + i);
+        *sum += pair_product(own, *(__global const int_lanes *)(s.theirs + c + i));
+        if (with_box) *(__global int_lanes *)(s.box + i) += *sum;
+    }
+}
+
+// Correlate GROUP pixels, from x on, at the first `searched` disparities; t is their place in the tile.
+inline void correlate(Strip s, int x, int t, int searched, int disparities, int radius, int_lanes first_index)
+{
+    int_lanes own[GROUP], high[GROUP], second[GROUP], index = first_index;
+    lanes mean[GROUP], inverse[GROUP];
+    __global int *column = s.sums + (x + 2 * radius) * s.pitch, *key = s.keys + t * s.key_row;
+    __global const int *gone = s.sums + x * s.pitch, *their = s.theirs + x + 2 * radius;
+    __global const float *their_sum = s.sum_u + x, *their_inverse = s.inverse_u + x;
+    UNROLL
+    for (int g = 0; g < GROUP; g++) {
+        own[g] = (int_lanes)(s.ours[x + 2 * radius + g]);
+        mean[g] = (lanes)(s.mean_x[x + g]);
+        inverse[g] = (lanes)(s.inverse_x[x + g]);
+        high[g] = second[g] = (int_lanes)(0);
+    }
+    for (int i = 0; i < searched; i += LANES) {
+        int_lanes sum = *(__global int_lanes *)(s.box + i);
+        int_lanes inside = index > s.mask - disparities ? (int_lanes)(-1) : (int_lanes)(0);
+        UNROLL
+        for (int g = 0; g < GROUP; g++) {
+            __global int_lanes *below = (__global int_lanes *)(column + g * s.pitch + i);
+            *below += pair_product(own[g], *(__global const int_lanes *)(their + g + i));
+            sum += *below;
+            // This order of operations is the same in every form of the correlation, so that all agree.
+            lanes score = ((__builtin_convertvector(sum, lanes)
+                            - mean[g] * *(__global const lanes *)(their_sum + g + i)) * inverse[g])
+                          * *(__global const lanes *)(their_inverse + g + i);
+            int_lanes k = ((__builtin_convertvector(score, int_lanes) & ~s.mask) | index) & inside;
+            *(__global int_lanes *)(key + g * s.key_row + i) = k;
+            second[g] = larger(second[g], smaller(high[g], k));
+            high[g] = larger(high[g], k);
+            sum -= *(__global const int_lanes *)(gone + g * s.pitch + i);
+        }
+        *(__global int_lanes *)(s.box + i) = sum;
+        index -= LANES;
+    }
+    UNROLL
+    for (int g = 0; g < GROUP; g++) {
+        s.highest[t + g] = high[g];
+        s.seconds[t + g] = second[g];
+    }
+}
+
+// Store the winners of a tile's pixels, from walking position p on, to their row.
+inline void take_winners(
+    Strip s, int p, int length, int width, int direction, int smallest, int subpixel, __global const uchar *validity,
+    __global float *disparity_out, __global float *score_out, __global float *ratio_out, __global uchar *validity_out)
+{
+    int_lanes best = largest_of_rows(s.highest), place = best > s.mask ? best & s.mask : s.mask;
+    *(__global int_lanes *)s.places = place;
+    // The runner-up is not the winner's neighbour; a lane holds at most one of the three.
+    UNROLL
+    for (int t = 0; t < TILE; t++) {
+        int_lanes away = (int_lanes)(s.places[t] + 1) - (s.highest[t] & s.mask);
+        s.highest[t] = away >= 0 && away <= 2 ? s.seconds[t] : s.highest[t];
+    }
+    int_lanes runner = largest_of_rows(s.highest) >> s.bits;
+    for (int t = 0; t < TILE; t++) {
+        __global const int *key = s.keys + t * s.key_row + s.mask - s.places[t];
+        s.befores[t] = key[-1];
+        s.afters[t] = key[1];
+    }
+    int_lanes before = *(__global int_lanes *)s.befores >> s.bits, after = *(__global int_lanes *)s.afters >> s.bits;
+    best >>= s.bits;
+    lanes level = __builtin_convertvector(best, lanes);
+    lanes bend = __builtin_convertvector((before - best) + (after - best), lanes);
+    lanes part = 0.5f * __builtin_convertvector(before - after, lanes) / bend;
+    lanes value = __builtin_convertvector(s.mask - place + smallest, lanes);
+    value += subpixel && before > 0 && after > 0 ? part : 0.0f;
+    lanes ratio = __builtin_convertvector(runner, lanes) / level;
+    store_row(level / score_scale(s.bits), score_out, p, width, direction);
+    store_row(best > 0 ? value : NAN, disparity_out, p, width, direction);
+    store_row(best > 0 ? ratio : 0.0f, ratio_out, p, width, direction);
+    if (direction > 0 && p + TILE <= width) {
+        int_lanes given = __builtin_convertvector(*(__global const uchar_lanes *)(validity + p), int_lanes);
+        given = best > 0 || given != 0 ? given : OUT_OF_RANGE;
+        *(__global uchar_lanes *)(validity_out + p) = __builtin_convertvector(given, uchar_lanes);
+        return;
+    }
+    *(__global int_lanes *)s.places = best;
+    for (int t = 0; t < length; t++) {
+        int x = column_at(p + t, width, direction);
+        validity_out[x] = s.places[t] > 0 || validity[x] ? validity[x] : OUT_OF_RANGE;
+    }
+}
+
+// Load a row's sums and norms: of the other view from walking position p_other on, of ours from p on.
+inline void load_norms(
+    Strip s, int p, int p_other, int tiles, float count, int width, int direction, __global const float *reference_sum,
+    __global const float *reference_inverse, __global const float *other_sum, __global const float *other_inverse)
+{
+    for (int k = 0; k < tiles + s.padded; k += LANES) {
+        *(__global lanes *)(s.sum_u + k) = load_row(other_sum, p_other + k, width, direction, 1);
+        *(__global lanes *)(s.inverse_u + k) = load_row(other_inverse, p_other + k, width, direction, 1);
+        *(__global int_lanes *)(s.key_u + k) = (int_lanes)(0);
+    }
+    for (int k = 0; k < tiles; k += LANES) {
+        *(__global lanes *)(s.mean_x + k) = load_row(reference_sum, p + k, width, direction, 0) / count;
+        // A score of 1 becomes 2^30, so that its level is what is left above the bits of the index.
+        *(__global lanes *)(s.inverse_x + k) = load_row(reference_inverse, p + k, width, direction, 1) * 1073741824.0f;
+    }
+}
+
+// Of the keys of the tile at column x the best ones for each pixel of the other view.
+inline void gather_others(Strip s, int x, int searched)
+{
+    for (int k = 0; k < searched + TILE; k += LANES) {
+        __global int_lanes *held = (__global int_lanes *)(s.key_u + x + k);
+        int_lanes high = *held;
+        UNROLL
+        for (int t = 0; t < TILE; t++)
+            high = larger(high, *(__global const int_lanes *)(s.keys + t * s.key_row + k - t));
+        *held = high;
+    }
+}
+
+// Merge the other view's best keys, from walking position p on, into its row.
+inline void merge_others(Strip s, int p, int length, int width, int direction, __global int *other_out)
+{
+    for (int k = 0; k < length; k += LANES) {
+        int_lanes key = *(__global const int_lanes *)(s.key_u + k);
+        if (direction > 0 && p + k >= 0 && p + k + LANES <= width) {
+            __global int_lanes *held = (__global int_lanes *)(other_out + p + k);
+            *held = larger(*held, key > s.mask ? key : 0);
+            continue;
+        }
+        for (int j = k; j < k + LANES; j++) {
+            if (p + j < 0 || p + j >= width || s.key_u[j] <= s.mask) continue;
+            __global int *held = other_out + column_at(p + j, width, direction);
+            *held = s.key_u[j] > *held ? s.key_u[j] : *held;
+        }
+    }
 }
 
 // What ncc_volume followed by wta computes, without the volume; other_out must come in as 0.
@@ -98,132 +342,56 @@ __kernel void ncc_wta(
     int strip = get_global_id(0), first = strip * rows;
     if (first >= height) return;
     int last = first + rows < height ? first + rows : height;
-    int padded = (disparities + LANES - 1) / LANES * LANES, whole = disparities / LANES * LANES;
-    int columns = BLOCK + 2 * radius, span = columns + padded + LANES, key_row = padded + 2 * (TILE + LANES);
-    int bits = index_bits(disparities), mask = (1 << bits) - 1;
-    float count = (float)((2 * radius + 1) * (2 * radius + 1)), scale = score_scale(bits);
-    int_lanes counting;
-    for (int k = 0; k < LANES; k++) counting[k] = k;
+    float count = (float)((2 * radius + 1) * (2 * radius + 1));
+    int padded = (disparities + LANES - 1) / LANES * LANES;
+    // As wide as leaves the sums in a cache of 256 KiB; the same in kernels/geometry.py, for 16 lanes.
+    int wide = 65536 / ((disparities + 15) / 16 * 16) / 16 * 16, widest = wide < 64 ? 64 : wide < 640 ? wide : 640;
+    Strip s = lay_out(scratch, strip, widest, disparities, radius);
+    int_lanes first_index;
+    for (int k = 0; k < LANES; k++) first_index[k] = s.mask - k;
 
-    // Scratch of this strip; kernels/geometry.py computes the same size.
-    __global int *sums = (__global int *)scratch + (long)strip * (padded * (columns + 1) + TILE * key_row + 5 * span + 2 * BLOCK);
-    __global int *box = sums + padded * columns;
-    __global int *keys = box + padded + TILE + LANES; // a row of keys has zeros on either side
-    __global int *ours = keys - TILE - LANES + TILE * key_row; // rows that enter and leave the window, as pairs
-    __global int *theirs = ours + span;
-    __global float *sum_u = (__global float *)(theirs + span);
-    __global float *inverse_u = sum_u + span;
-    __global int *key_u = (__global int *)(inverse_u + span);
-    __global float *mean_x = (__global float *)(key_u + span);
-    __global float *inverse_x = mean_x + BLOCK;
-    for (int k = 0; k < TILE * key_row; k++) keys[k - TILE - LANES] = 0;
-
-    for (int start = 0; start < width; start += BLOCK) {
-        int block = start + BLOCK < width ? BLOCK : width - start;
-        int used = block + 2 * radius;
-        for (int k = 0; k < padded * used; k++) sums[k] = 0;
+    for (int start = 0; start < width; start += widest) {
+        int block = start + widest < width ? widest : width - start;
+        int tiles = (block + TILE - 1) / TILE * TILE, used = tiles + 2 * radius;
+        for (int k = 0; k < s.pitch * used; k++) s.sums[k] = 0;
 
         for (int y = first - 2 * radius; y < last; y++) {
             int row_in = clamp_index(y + radius, height) * width;
             // The row that left the window when it moved down to y; before the first row nothing has.
             int row_out = clamp_index(y - radius - 1, height) * width;
             for (int k = 0; k < used; k += LANES) {
-                int p = start - radius + k;
-                lanes in = load_row(reference + row_in, p, width, direction, 0), out = (lanes)(0.0f);
-                if (y > first) out = -load_row(reference + row_out, p, width, direction, 0);
-                *(__global int_lanes *)(ours + k) = pair(in, out);
+                lanes in = load_row(reference + row_in, start - radius + k, width, direction, 0);
+                lanes out = load_row(reference + row_out, start - radius + k, width, direction, 0);
+                *(__global int_lanes *)(s.ours + k) = pair(in, y > first ? -out : 0.0f);
             }
             for (int k = 0; k < used + padded; k += LANES) {
-                int p = start - radius + smallest + k;
-                *(__global int_lanes *)(theirs + k) = pair(load_row(other + row_in, p, width, direction, 0),
-                                                           load_row(other + row_out, p, width, direction, 0));
+                lanes in = load_row(other + row_in, start - radius + smallest + k, width, direction, 0);
+                lanes out = load_row(other + row_out, start - radius + smallest + k, width, direction, 0);
+                *(__global int_lanes *)(s.theirs + k) = pair(in, out);
             }
             if (y < first) {
-                for (int c = 0; c < used; c++) {
-                    int_lanes own = (int_lanes)(ours[c]);
-                    __global int *column = sums + c * padded;
-                    for (int i = 0; i < padded; i += LANES)
-                        *(__global int_lanes *)(column + i) += pair_product(own, *(__global int_lanes *)(theirs + c + i));
-                }
+                for (int c = 0; c < used; c++) add_products(s, c, 0);
                 continue;
             }
-            for (int k = 0; k < block + padded; k += LANES) {
-                int p = start + smallest + k;
-                *(__global lanes *)(sum_u + k) = load_row(other_sum + y * width, p, width, direction, 1);
-                *(__global lanes *)(inverse_u + k) = load_row(other_inverse + y * width, p, width, direction, 1);
-                *(__global int_lanes *)(key_u + k) = (int_lanes)(0);
-            }
-            for (int k = 0; k < block; k += LANES) {
-                *(__global lanes *)(mean_x + k) =
-                    load_row(reference_sum + y * width, start + k, width, direction, 0) / count;
-                *(__global lanes *)(inverse_x + k) =
-                    load_row(reference_inverse + y * width, start + k, width, direction, 0) * scale;
-            }
-
-            for (int i = 0; i < padded; i += LANES) *(__global int_lanes *)(box + i) = (int_lanes)(0);
-            for (int c = 0; c < 2 * radius; c++) {
-                int_lanes own = (int_lanes)(ours[c]);
-                __global int *column = sums + c * padded;
-                for (int i = 0; i < padded; i += LANES) {
-                    int_lanes sum = *(__global int_lanes *)(column + i)
-                                    + pair_product(own, *(__global int_lanes *)(theirs + c + i));
-                    *(__global int_lanes *)(column + i) = sum;
-                    *(__global int_lanes *)(box + i) += sum;
+            int row = y * width, searched = padded;
+            load_norms(s, start, start + smallest, tiles, count, width, direction, reference_sum + row,
+                       reference_inverse + row, other_sum + row, other_inverse + row);
+            for (int i = 0; i < padded; i += LANES) *(__global int_lanes *)(s.box + i) = (int_lanes)(0);
+            for (int c = 0; c < 2 * radius; c++) add_products(s, c, 1);
+            for (int x = 0; x < block; x += TILE) {
+                // Beyond the other picture's end nothing correlates, here or further on.
+                while (searched > 0 && start + x + smallest + searched - LANES >= width) {
+                    searched -= LANES;
+                    for (int t = 0; t < TILE; t++)
+                        *(__global int_lanes *)(s.keys + t * s.key_row + searched) = (int_lanes)(0);
                 }
+                for (int t = 0; t < TILE; t += GROUP)
+                    correlate(s, x + t, t, searched, disparities, radius, first_index);
+                take_winners(s, start + x, block - x < TILE ? block - x : TILE, width, direction, smallest, subpixel,
+                             validity + row, disparity_out + row, score_out + row, ratio_out + row, validity_out + row);
+                gather_others(s, x, searched);
             }
-            for (int tile = 0; tile < block; tile += TILE) {
-                int length = tile + TILE < block ? TILE : block - tile;
-                for (int t = 0; t < length; t++) {
-                    int x = tile + t, c = x + 2 * radius;
-                    int_lanes own = (int_lanes)(ours[c]), high = (int_lanes)(0), second = (int_lanes)(0);
-                    lanes mean = (lanes)(mean_x[x]), inverse = (lanes)(inverse_x[x]);
-                    int_lanes index = (int_lanes)(mask) - counting;
-                    __global int *column = sums + c * padded, *gone = sums + x * padded, *key_x = keys + t * key_row;
-                    for (int i = 0; i < padded; i += LANES) {
-                        int_lanes sum = *(__global int_lanes *)(column + i)
-                                        + pair_product(own, *(__global int_lanes *)(theirs + c + i));
-                        *(__global int_lanes *)(column + i) = sum;
-                        sum += *(__global int_lanes *)(box + i);
-                        *(__global int_lanes *)(box + i) = sum - *(__global int_lanes *)(gone + i);
-                        // This order of operations is the same in every form of the correlation, so that all agree.
-                        lanes score =
-                            ((__builtin_convertvector(sum, lanes) - mean * *(__global lanes *)(sum_u + x + i)) * inverse)
-                            * *(__global lanes *)(inverse_u + x + i);
-                        int_lanes key = (__builtin_convertvector(score, int_lanes) << bits) + index;
-                        if (i >= whole) key = index > mask - disparities ? key : 0;
-                        *(__global int_lanes *)(key_x + i) = key;
-                        second = larger(second, smaller(high, key));
-                        high = larger(high, key);
-                        index -= LANES;
-                    }
-                    int best = largest(high), at = mask - (best & mask);
-                    // The runner-up is not the winner's neighbour; a lane holds at most one of the three.
-                    int_lanes away = (best & mask) + 1 - (high & mask);
-                    int runner = largest(away >= 0 && away <= 2 ? second : high) >> bits;
-                    int before = at > 0 ? key_x[at - 1] >> bits : 0;
-                    int after = at < disparities - 1 ? key_x[at + 1] >> bits : 0;
-                    best >>= bits;
-                    long pixel = (long)y * width + column_at(start + x, width, direction);
-                    score_out[pixel] = (float)best / scale;
-                    disparity_out[pixel] =
-                        best > 0 ? peak_disparity(at, best, before, after, smallest, subpixel) : NAN;
-                    ratio_out[pixel] = best > 0 ? (float)runner / (float)best : 0.0f;
-                    validity_out[pixel] = best > 0 || validity[pixel] ? validity[pixel] : OUT_OF_RANGE;
-                }
-                for (int k = 0; k < padded + length; k += LANES) {
-                    __global int_lanes *held = (__global int_lanes *)(key_u + tile + k);
-                    int_lanes high = *held;
-                    for (int t = 0; t < length; t++)
-                        high = larger(high, *(__global int_lanes *)(keys + t * key_row + k - t));
-                    *held = high;
-                }
-            }
-            for (int k = 0; k < block + padded; k++) {
-                int u = start + smallest + k;
-                if (u < 0 || u >= width || key_u[k] <= mask) continue;
-                __global int *held = other_out + y * width + column_at(u, width, direction);
-                *held = key_u[k] > *held ? key_u[k] : *held;
-            }
+            merge_others(s, start + smallest, tiles + padded, width, direction, other_out + row);
         }
     }
 }
