@@ -3,6 +3,19 @@
 #define MASKED 16
 #define FILLED 32
 
+// Fill the pixels between the values at columns left and right of a row.
+inline void bridge(__global float *row_out, __global uchar *why_out, int left, int right, float tolerance)
+{
+    // Counted from the lower end, so that a mirrored picture rounds alike.
+    int rising = row_out[left] < row_out[right];
+    float low = row_out[rising ? left : right], rise = row_out[rising ? right : left] - low;
+    for (int x = left + 1; x < right; x++) {
+        float share = (float)(rising ? x - left : right - x) / (float)(right - left);
+        row_out[x] = rise <= tolerance ? low + rise * share : low;
+        why_out[x] = FILLED;
+    }
+}
+
 // Give a value to holes of at most reach pixels in a row; a filled pixel carries FILLED.
 // Ends that agree to tolerance px are joined by a line; else the hole is background that the nearer surface
 // hides from the other camera, and takes the smaller disparity. A hole that ends at the picture's or the
@@ -25,28 +38,36 @@ __kernel void fill(
         __global const uchar *why = validity + (long)y * width;
         __global float *row_out = disparity_out + (long)y * width;
         __global uchar *why_out = validity_out + (long)y * width;
-        for (int x = 0; x < width; x++) {
-            row_out[x] = row[x];
-            why_out[x] = why[x];
-        }
-        // The last pixel that was no hole's, and whether it can be the end of one.
-        int last = -1, bounds = 0;
-        for (int x = 0; x < width; x++) {
-            int missing = row[x] != row[x];
-            if (missing && why[x] != MASKED) continue;
-            int hole = x - 1 - last;
-            if (hole > 0 && hole <= reach && bounds && !missing && why[x] != MASKED) {
-                // Counted from the lower end, so that a mirrored picture rounds alike.
-                int rising = row[last] < row[x];
-                float value = rising ? row[last] : row[x], rise = (rising ? row[x] : row[last]) - value;
-                for (int k = 1; k <= hole; k++) {
-                    float share = (float)(rising ? k : hole + 1 - k) / (float)(hole + 1);
-                    row_out[last + k] = rise <= tolerance ? value + rise * share : value;
-                    why_out[last + k] = FILLED;
+        int last = -1; // the last column so far that is in no hole
+        for (int start = 0; start < width; start += LANES) {
+            int length = start + LANES < width ? LANES : width - start, empty = 0;
+            if (length == LANES) {
+                lanes values = *(__global const lanes *)(row + start);
+                int_lanes reasons = load_reasons(why, start, width);
+                *(__global lanes *)(row_out + start) = values;
+                store_reasons(why_out, start, width, reasons);
+                empty = bits_of(values != values && reasons != MASKED);
+            } else {
+                for (int k = 0; k < length; k++) {
+                    float value = row_out[start + k] = row[start + k];
+                    int reason = why_out[start + k] = why[start + k];
+                    empty |= (value != value && reason != MASKED) << k;
                 }
             }
-            last = x;
-            bounds = !missing && why[x] != MASKED;
+            // From change to change, of which most vectors have none.
+            for (int k = 0; k < length;) {
+                int in_hole = last < start + k - 1, rest = (in_hole ? ~empty : empty) >> k;
+                int change = rest ? k + __builtin_ctz(rest) : length;
+                if (change >= length) change = length;
+                if (!in_hole) last = start + change - 1;
+                if (change < length && in_hole) {
+                    int hole = start + change - last - 1;
+                    if (hole <= reach && last >= 0 && why[last] != MASKED && why[start + change] != MASKED)
+                        bridge(row_out, why_out, last, start + change, tolerance);
+                    last = start + change;
+                }
+                k = change + (change < length);
+            }
         }
     }
 }

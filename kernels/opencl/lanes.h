@@ -76,7 +76,7 @@ inline void store_reasons(__global uchar *row, int x, int width, int_lanes reaso
 // The lanes without their signs.
 inline lanes magnitude(lanes v) { return __builtin_astype(__builtin_astype(v, int_lanes) & 0x7fffffff, lanes); }
 
-// Whether any lane of a comparison holds.
+// All lanes or'ed together: whether any lane of a comparison holds.
 inline int any_lane(int_lanes holds)
 {
 #if LANES == 16
@@ -87,4 +87,15 @@ inline int any_lane(int_lanes holds)
     int4 few = some.lo | some.hi;
     int2 two = few.lo | few.hi;
     return two.x | two.y;
+}
+
+// One bit a lane of a comparison that holds, the first lane's lowest.
+inline int bits_of(int_lanes holds)
+{
+#if LANES == 16
+    int_lanes bits = {1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768};
+#else
+    int_lanes bits = {1, 2, 4, 8, 16, 32, 64, 128};
+#endif
+    return any_lane(holds & bits);
 }
