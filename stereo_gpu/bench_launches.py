@@ -50,6 +50,8 @@ def catch_launches(device: Backend, kernel: str, stage: Callable[[Backend], obje
     recorder = _Recorder(device, kernel, count)
     with suppress(_CaughtError):
         stage(cast(Backend, recorder))
+    # What comes before may still run, and must not be timed with the wanted kernel.
+    device.finish()
     if not recorder.caught:
         raise ValueError(f"its stage never launches kernel {kernel}")
     return recorder.caught
