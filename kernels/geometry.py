@@ -94,6 +94,15 @@ def geometry(kernel: str, language: str, form: str, arguments: Mapping[str, Any]
         span = (columns + padded + 16) // 16 * 16 + 16
         floats = (padded + 16) * (columns + 1) + 16 * (padded + 64) + 5 * span + 2 * block + 35 * 16
         return Geometry((strips,), {"rows": rows}, strips * floats, alone=True)
+    if kernel == "ncc_wta" and language == "warp" and form == "cpu":
+        rows = _rows_a_strip(height, 4 * units)
+        strips = -(-height // rows)
+        padded = -(-arguments["disparities"] // LANES) * LANES
+        columns = BLOCK + 2 * arguments["radius"]
+        span = (columns + padded + 2 * LANES - 1) // LANES * LANES
+        sums, keys = padded * (columns + 1), TILE * (padded + 2 * (TILE + LANES))
+        floats = sums + keys + 7 * span + 2 * BLOCK + (2 * TILE + 1) * LANES + 2 * TILE
+        return Geometry((strips,), {"rows": rows}, strips * floats + LANES)
     if kernel == "ncc_wta":
         # Enough columns x strips to fill a large GPU, few enough that the scratch stays small.
         rows = _rows_a_strip(height, max(1, 65536 // width) if units > 1 else 1)
