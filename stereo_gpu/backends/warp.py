@@ -136,15 +136,18 @@ class WarpBackend(Backend):
             start = self._now() if self._times is not None else None
             try:
                 # Warp counts axes from the slowest, OpenCL from the fastest.
-                self._run(program, plan.size[::-1], inputs, plan.whole)
+                self._run(program, plan, inputs)
             except RuntimeError as error:
                 raise BackendError(f"kernel {kernel} failed on {self.device}: {error}") from error
             if self._times is not None:
                 self._times.append((kernel, (start, self._now())))
 
-    def _run(self, program: Any, size: tuple[int, ...], inputs: list[Any], whole: bool) -> None:
-        if self._device.is_cuda or whole or self._crew.threads == 1:
-            wp.launch(program, dim=size, inputs=inputs, device=self._device)
+    def _run(self, program: Any, plan: Geometry, inputs: list[Any]) -> None:
+        size = plan.size[::-1]
+        # Work-items of a group wait for each other, which on the CPU only those of one thread can.
+        if self._device.is_cuda or plan.whole or plan.group or self._crew.threads == 1:
+            block = plan.group or (256 if self._device.is_cuda else 1)  # 256 and 1 are Warp's own choice
+            wp.launch(program, dim=size, inputs=inputs, device=self._device, block_dim=block)
             return
         # Recorded here, since Warp compiles a kernel when it is first asked for, which two threads must not do.
         bands = [
