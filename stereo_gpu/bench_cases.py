@@ -38,6 +38,7 @@ class KernelCase:
         per: what its work grows with: "cell" (pixel and disparity) or "pixel" (of the picture or the atlas).
         peer: the OpenCV function that does the same, where there is one.
         launches: how many launches make one pass.
+        after: a slow kernel that must run once to make its input; empty where what comes before is quick.
         operations: additions, multiplications and comparisons for each cell or pixel that the formula needs, with
             running sums for windows; given the window's side. None where it depends on what the pictures show.
     """
@@ -48,6 +49,7 @@ class KernelCase:
     per: Literal["cell", "pixel"] = "pixel"
     peer: Peer | None = None
     launches: int = 1
+    after: str = ""
     operations: Callable[[int], float] | None = None
 
 
@@ -152,13 +154,20 @@ KERNELS = (
     ),
     KernelCase(name="ncc_volume", kernel="ncc_volume", stage=_PAPER, per="cell", operations=_constant(9)),
     # A peak is told from its neighbours, and held against the best and the second best; the other view's winner.
-    KernelCase(name="wta", kernel="wta", stage=_PAPER, per="cell", operations=_constant(5)),
+    KernelCase(name="wta", kernel="wta", stage=_PAPER, per="cell", after="ncc_volume", operations=_constant(5)),
     # Each of 62 bits: a comparison, and its place in the number.
     KernelCase(name="census", kernel="census", stage=_PRECISE, operations=_constant(124)),
     # Two differences, two counts of bits, their sum.
     KernelCase(name="census_volume", kernel="census_volume", stage=_PRECISE, per="cell", operations=_constant(5)),
     # Four ways to come from, the smallest of them and of the row, the cost, and the weighted sum.
-    KernelCase(name="aggregate", kernel="aggregate", stage=_PRECISE, per="cell", operations=_constant(11)),
+    KernelCase(
+        name="aggregate",
+        kernel="aggregate",
+        stage=_PRECISE,
+        per="cell",
+        after="census_volume",
+        operations=_constant(11),
+    ),
     KernelCase(name="slant", kernel="slant", stage=_leaning),
     KernelCase(name="merge", kernel="merge", stage=_merging),
     KernelCase(name="rectify", kernel="rectify", stage=_rectifying(colour=False), peer=peers.REMAP),

@@ -118,11 +118,13 @@ def time_case(
         peer=case.peer.name if case.peer else "",
     )
     expected, smaller = _expect(row, earlier)
+    after = case.after if isinstance(case, KernelCase) else ""
+    if after:
+        before, other = _expect(replace(row, name=after), earlier)
+        expected, smaller = expected + before, smaller or other
     if expected > cap:
-        return replace(
-            row,
-            note=f"not run: about {expected:,.0f} s a run going by {smaller}; --cap is {cap:g} s",
-        )
+        what = f"a run, with {after} before it," if after else "a run"
+        return replace(row, note=f"not run: about {expected:,.0f} s {what} going by {smaller}; --cap is {cap:g} s")
     try:
         _prepare(case, device, small)[0]()
         run, known = _prepare(case, device, scene)

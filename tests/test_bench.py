@@ -170,6 +170,11 @@ def test_a_smaller_size_tells_that_a_run_would_take_too_long():
     row = time_case(case_of("ncc_wta"), device, scene, scene, Peers(scene), [smaller], seconds=1, cap=15)
     assert row.wall is None
     assert row.note == "not run: about 16 s a run going by 80 x 48 x 16; --cap is 15 s"
+    # What must run before counts too.
+    volume, small = dataclasses.replace(smaller, name="ncc_volume"), dataclasses.replace(slow, median=0.1)
+    winners = dataclasses.replace(smaller, name="wta", wall=small)
+    row = time_case(case_of("wta"), device, scene, scene, Peers(scene), [volume, winners], seconds=1, cap=15)
+    assert row.note.startswith("not run: about 17 s a run, with ncc_volume before it, going by 80 x 48 x 16")
     other = dataclasses.replace(smaller, device="opencl:other")
     row = time_case(case_of("ncc_wta"), device, scene, scene, Peers(scene), [other], seconds=0.001, cap=15)
     assert row.wall is not None
