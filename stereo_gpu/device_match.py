@@ -117,15 +117,24 @@ def download_disparity(
     options: MatchOptions,
     watch: Stopwatch,
 ) -> Disparity:
-    """Copy a map back; confidence is the NCC, less the more a second peak comes close to it where one is known."""
-    values, validity = backend.download(found.values), backend.download(found.validity)
-    score: Floats = backend.download(found.score)
-    ratio: Floats = backend.download(found.ratio)
-    good = validity == 0
+    """Copy a map back; confidence is the NCC, less the closer the runner-up comes to it where one is known."""
+    height, width = found.values.shape
+    confidence = backend.empty((height, width), np.float32)
+    backend.launch(
+        "confidence",
+        score=found.score,
+        ratio=found.ratio,
+        validity=found.validity,
+        width=width,
+        height=height,
+        # The score of leaning windows is another measure than that of the runner-up.
+        weight=0.0 if options.slant_rounds else 1.0,
+        confidence_out=confidence,
+    )
     return Disparity(
-        values=values,
-        validity=validity,
-        confidence=np.where(good, np.clip(score if options.slant_rounds else score * (1 - ratio), 0, 1), np.float32(0)),
+        values=backend.download(found.values),
+        validity=backend.download(found.validity),
+        confidence=backend.download(confidence),
         reference=reference,
         smallest=smallest,
         disparities=disparities,

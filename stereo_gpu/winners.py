@@ -24,7 +24,7 @@ class Winners:
         values: (H, W) float32, px; NaN where nothing matches.
         validity: (H, W) uint8, bits of Validity.
         score: (H, W) float32, of the winner: its NCC, or PATH_WEIGHT times what its 8 paths save.
-        ratio: (H, W) float32, second best peak over best.
+        ratio: (H, W) float32, runner-up over best, see peaks in kernels/.
         other: (H, W) int32, the other view's winners, packed as winner_key in kernels/warp/peaks.py says.
     """
 

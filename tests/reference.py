@@ -133,6 +133,15 @@ def wta(volume, validity, smallest, direction, subpixel):
     return disparity, score, ratio, out, other
 
 
+def confidence(score, ratio, validity, weight):
+    """The score within 0..1, less the closer the runner-up comes to it; 0 where the pixel is not good."""
+    out = np.zeros(score.shape)
+    for y, x in np.ndindex(score.shape):
+        if validity[y, x] == 0:
+            out[y, x] = min(max(score[y, x] * (1 - weight * ratio[y, x]), 0), 1)
+    return out
+
+
 def consistency(disparity, other, validity, smallest, disparities, direction, tolerance):
     """Left-right check; other holds the index of the other view's winner, -1 for none."""
     height, width = disparity.shape

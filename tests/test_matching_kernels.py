@@ -205,6 +205,21 @@ def maps(seed=5):
     return values, validity
 
 
+@pytest.mark.parametrize("weight", [0.0, 1.0])
+def test_confidence(backend, weight):
+    rng = np.random.default_rng(8)
+    score, ratio = (rng.uniform(-0.2, 1.2, (HEIGHT, WIDTH)).astype(np.float32) for _ in range(2))
+    validity = rng.choice([0, 0, 4, reference.FILLED], score.shape).astype(np.uint8)
+    out = junk(backend, score.shape, np.float32)
+    held = [backend.upload(a) for a in (score, ratio, validity)]
+    names = dict(zip(("score", "ratio", "validity"), held, strict=True))
+    backend.launch("confidence", **names, width=WIDTH, height=HEIGHT, weight=weight, confidence_out=out)
+    want = reference.confidence(score.astype(float), ratio.astype(float), validity, weight)
+    np.testing.assert_allclose(backend.download(out), want, atol=1e-6)
+    assert (want == 0).any()
+    assert (want == 1).any()
+
+
 @pytest.mark.parametrize("direction", [1, -1])
 def test_consistency(backend, direction):
     values, validity = maps()
