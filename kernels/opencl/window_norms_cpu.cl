@@ -5,7 +5,7 @@
 #include "lanes.h"
 #define TEXTURELESS 2
 #define MASKED 16
-#define LARGEST 31
+#define WIDEST (BLOCK + 31 + LANES) // columns under the windows of a block
 
 // Sums of the lanes up to and with each one.
 inline int_lanes prefix(int_lanes v)
@@ -44,33 +44,38 @@ __kernel void window_norms(
     int size = 2 * radius + 1;
     float count = (float)(size * size);
     // Whole numbers under 2^24, which floats hold exactly, and for the prefix sums under 2^31.
-    float entering[BLOCK + LARGEST + LANES], leaving[BLOCK + LARGEST + LANES];
-    float totals[BLOCK + LARGEST + LANES], squares[BLOCK + LARGEST + LANES];
-    int total_before[BLOCK + LARGEST + 2 * LANES], square_before[BLOCK + LARGEST + 2 * LANES];
+    float totals[WIDEST], squares[WIDEST], entering[WIDEST], leaving[WIDEST];
+    int total_before[LANES + WIDEST], square_before[LANES + WIDEST];
     total_before[LANES - 1] = square_before[LANES - 1] = 0;
     for (int start = 0; start < width; start += BLOCK) {
         int columns = start + BLOCK < width ? BLOCK : width - start, used = columns + 2 * radius;
+        int inside = start >= radius && start - radius + used + LANES <= width;
         for (int k = 0; k < used; k += LANES) *(lanes *)(totals + k) = *(lanes *)(squares + k) = (lanes)(0.0f);
         for (int y = first - 2 * radius; y < last; y++) {
             // The row that enters the window of row y, and the one that left it; before the first row none has.
-            load_line(entering, picture + (long)clamp_index(y + radius, height) * width, start - radius, used, width, 1);
-            if (y > first)
-                load_line(leaving, picture + (long)clamp_index(y - radius - 1, height) * width, start - radius, used, width, 1);
+            __global const float *in_row = picture + (long)clamp_index(y + radius, height) * width + start - radius;
+            __global const float *out_row = picture + (long)clamp_index(y - radius - 1, height) * width + start - radius;
+            if (!inside) {
+                load_line(entering, in_row - start + radius, start - radius, used, width, 1);
+                load_line(leaving, out_row - start + radius, start - radius, used, width, 1);
+            }
+            int_lanes total_so_far = (int_lanes)(0), square_so_far = (int_lanes)(0);
             for (int k = 0; k < used; k += LANES) {
-                lanes in = *(lanes *)(entering + k), out = y > first ? *(lanes *)(leaving + k) : (lanes)(0.0f);
-                *(lanes *)(totals + k) += in - out;
-                *(lanes *)(squares + k) += in * in - out * out;
+                lanes in = inside ? *(__global const lanes *)(in_row + k) : *(lanes *)(entering + k), out = (lanes)(0.0f);
+                if (y > first) out = inside ? *(__global const lanes *)(out_row + k) : *(lanes *)(leaving + k);
+                lanes total = *(lanes *)(totals + k) + (in - out);
+                lanes square = *(lanes *)(squares + k) + (in * in - out * out);
+                *(lanes *)(totals + k) = total;
+                *(lanes *)(squares + k) = square;
+                if (y < first) continue;
+                total_so_far += prefix(__builtin_convertvector(total, int_lanes));
+                square_so_far += prefix(__builtin_convertvector(square, int_lanes));
+                *(int_lanes *)(total_before + LANES + k) = total_so_far;
+                *(int_lanes *)(square_before + LANES + k) = square_so_far;
+                total_so_far = (int_lanes)(total_so_far[LANES - 1]);
+                square_so_far = (int_lanes)(square_so_far[LANES - 1]);
             }
             if (y < first) continue;
-            int_lanes total_so_far = (int_lanes)(0), squares_so_far = (int_lanes)(0);
-            for (int k = 0; k < used; k += LANES) {
-                total_so_far += prefix(__builtin_convertvector(*(lanes *)(totals + k), int_lanes));
-                squares_so_far += prefix(__builtin_convertvector(*(lanes *)(squares + k), int_lanes));
-                *(int_lanes *)(total_before + LANES + k) = total_so_far;
-                *(int_lanes *)(square_before + LANES + k) = squares_so_far;
-                total_so_far = (int_lanes)(total_so_far[LANES - 1]);
-                squares_so_far = (int_lanes)(squares_so_far[LANES - 1]);
-            }
             for (int k = 0; k < columns; k += LANES) {
                 int *total_at = total_before + LANES - 1 + k, *square_at = square_before + LANES - 1 + k;
                 lanes total = __builtin_convertvector(*(int_lanes *)(total_at + size) - *(int_lanes *)total_at, lanes);
