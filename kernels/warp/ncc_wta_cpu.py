@@ -8,7 +8,20 @@ left view as reference is from the right edge to the left.
 
 import warp as wp
 
-from stereo_gpu.kernels.warp.lanes import LANES, Floats, Ints, aligned, floats, ints, place, put
+from stereo_gpu.kernels.warp.lanes import (
+    LANES,
+    REPEAT,
+    ZERO,
+    Floats,
+    Ints,
+    aligned,
+    floats,
+    ints,
+    largest,
+    load_row,
+    place,
+    put,
+)
 from stereo_gpu.kernels.warp.peaks import OUT_OF_RANGE, Peaks, index_bits, peak_disparity, score_scale
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
@@ -16,30 +29,6 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 # kernels/geometry.py computes the scratch from the same constants.
 BLOCK = wp.constant(64)
 TILE = wp.constant(16)  # pixels whose keys are held until the other view has looked at them
-
-
-@wp.func
-def column_at(p: int, width: int, direction: int) -> int:
-    """The picture's column at walking position p."""
-    return wp.where(direction > 0, p, width - 1 - p)
-
-
-@wp.func
-def load_row(
-    row: wp.array(dtype=float), start: int, p: int, length: int, width: int, direction: int, zero: int, to: wp.uint64
-):
-    """Copy the walking positions p to p + length - 1 of a row: beyond its ends its edge repeated, or 0."""
-    for k in range(0, length, LANES):
-        if direction > 0 and p + k >= 0 and p + k + LANES <= width:
-            put(to, k, floats(row.ptr, start + p + k))
-        else:
-            held = wp.array(ptr=to, shape=(length + LANES,), dtype=float)
-            for lane in range(k, k + LANES):
-                at = p + lane
-                value = row[start + column_at(wp.clamp(at, 0, width - 1), width, direction)]
-                if zero != 0 and (at < 0 or at >= width):
-                    value = 0.0
-                held[lane] = value
 
 
 @wp.func
@@ -74,15 +63,6 @@ def keep(highest: wp.uint64, key: Ints):
     high = ints(highest, 0)
     put(highest, LANES, wp.max(ints(highest, LANES), wp.min(high, key)))
     put(highest, 0, wp.max(high, key))
-
-
-@wp.func
-def largest(v: Ints) -> int:
-    """The largest lane."""
-    best = v[0]
-    for lane in range(1, LANES):
-        best = wp.max(best, v[lane])
-    return best
 
 
 @wp.kernel
@@ -167,23 +147,23 @@ def ncc_wta(
             # The row that left the window when it moved down to y; before the first row nothing has.
             row_out = wp.clamp(y - radius - 1, 0, height - 1) * width
             p = start - radius
-            load_row(reference, row_in, p, used, width, direction, 0, entering)
-            load_row(other, row_in, p + smallest, used + padded, width, direction, 0, their_entering)
+            load_row(reference, row_in, p, used, width, direction, REPEAT, entering)
+            load_row(other, row_in, p + smallest, used + padded, width, direction, REPEAT, their_entering)
             if y < first:
                 add_row(entering, their_entering, sums, used, padded)
                 continue
-            load_row(other, row_out, p + smallest, used + padded, width, direction, 0, their_leaving)
+            load_row(other, row_out, p + smallest, used + padded, width, direction, REPEAT, their_leaving)
             if y > first:
-                load_row(reference, row_out, p, used, width, direction, 0, leaving)
+                load_row(reference, row_out, p, used, width, direction, REPEAT, leaving)
             else:
                 for k in range(0, used, LANES):
                     put(leaving, k, Floats(0.0))
-            load_row(other_sum, y * width, start + smallest, block + padded, width, direction, 1, sum_u)
-            load_row(other_inverse, y * width, start + smallest, block + padded, width, direction, 1, inverse_u)
+            load_row(other_sum, y * width, start + smallest, block + padded, width, direction, ZERO, sum_u)
+            load_row(other_inverse, y * width, start + smallest, block + padded, width, direction, ZERO, inverse_u)
             for k in range(0, block + padded, LANES):
                 put(key_u, k, Ints(0))
-            load_row(reference_sum, y * width, start, block, width, direction, 0, mean_x)
-            load_row(reference_inverse, y * width, start, block, width, direction, 0, inverse_x)
+            load_row(reference_sum, y * width, start, block, width, direction, REPEAT, mean_x)
+            load_row(reference_inverse, y * width, start, block, width, direction, REPEAT, inverse_x)
             for k in range(0, block, LANES):
                 put(mean_x, k, floats(mean_x, k) / count)
                 put(inverse_x, k, floats(inverse_x, k) * scale)
@@ -250,7 +230,7 @@ def ncc_wta(
                         peaks.before = key_of[t * key_row + at - 1] >> bits
                     if at < disparities - 1:
                         peaks.after = key_of[t * key_row + at + 1] >> bits
-                    pixel = y * width + column_at(start + x, width, direction)
+                    pixel = y * width + wp.where(direction > 0, start + x, width - 1 - start - x)
                     score_out[pixel] = float(peaks.best) / scale
                     disparity_out[pixel] = wp.nan
                     ratio_out[pixel] = 0.0
@@ -271,5 +251,5 @@ def ncc_wta(
             for k in range(block + padded):
                 u = start + smallest + k
                 if u >= 0 and u < width and key_u_at[k] > mask:
-                    match = y * width + column_at(u, width, direction)
+                    match = y * width + wp.where(direction > 0, u, width - 1 - u)
                     other_out[match] = wp.max(other_out[match], key_u_at[k])
