@@ -5,6 +5,8 @@ import pytest
 import reference
 
 WIDTH, HEIGHT = 53, 37
+# Wider than the blocks of the forms for CPUs, and narrower than a vector.
+SHAPES = [(HEIGHT, WIDTH), (9, 311), (1, 1), (40, 1)]
 # Correlations of whole grey levels differ from double precision by the rounding of one product of sums.
 SCORE_TOLERANCE = 1e-4
 # A parabola divides by the bend at the peak, which magnifies the scores' rounding.
@@ -72,39 +74,45 @@ def key_index(key, bits=7):
     return np.where(key > 0, 2**bits - 1 - key % 2**bits, -1)
 
 
-def test_grey(backend):
-    rng = np.random.default_rng(1)
-    for picture, scale in (
-        (rng.integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8), 1.0),
-        (rng.integers(0, 256, (HEIGHT, WIDTH), np.uint8), 1.0),
-        (rng.integers(0, 4096, (HEIGHT, WIDTH, 3), np.uint16), 255 / 4000),
-    ):
-        out = junk(backend, (HEIGHT, WIDTH), np.float32)
-        channels = 1 if picture.ndim == 2 else 3
-        held = backend.upload(picture)
-        backend.launch("grey", picture=held, width=WIDTH, height=HEIGHT, channels=channels, scale=scale, grey_out=out)
-        difference = np.abs(backend.download(out) - reference.grey(picture, scale))
-        # Single and double precision may round a luma of exactly one half apart.
-        assert (difference > 0).mean() < 0.002
-        assert difference.max() <= 1
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize(
+    ("dtype", "brightest", "channels", "scale"),
+    [(np.uint8, 255, 3, 1.0), (np.uint8, 255, 1, 1.0), (np.uint16, 4095, 3, 255 / 4000), (np.uint16, 4095, 1, 0.07)],
+)
+def test_grey(backend, shape, dtype, brightest, channels, scale):
+    whole = shape if channels == 1 else (*shape, channels)
+    picture = np.random.default_rng(1).integers(0, brightest, whole, dtype, endpoint=True)
+    out = junk(backend, shape, np.float32)
+    backend.launch(
+        "grey",
+        picture=backend.upload(picture),
+        width=shape[1],
+        height=shape[0],
+        channels=channels,
+        scale=scale,
+        grey_out=out,
+    )
+    difference = np.abs(backend.download(out) - reference.grey(picture, scale))
+    # Single and double precision may round a luma of exactly one half apart.
+    assert (difference > 0).mean() < 0.002
+    assert difference.max() <= 1
 
 
-def test_smooth(backend):
-    picture, _ = scene()
-    weights = np.array([0.06, 0.24, 0.4, 0.24, 0.06], np.float32)
-    arrays = [
-        backend.upload(picture),
-        junk(backend, picture.shape, np.float32),
-        junk(backend, picture.shape, np.float32),
-    ]
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("radius", [1, 2, 40])
+def test_smooth(backend, shape, radius):
+    picture = np.random.default_rng(2).integers(-128, 128, shape).astype(np.float32)
+    weights = np.exp(-0.5 * (np.arange(-radius, radius + 1) / (0.5 * radius)) ** 2)
+    weights = (weights / weights.sum()).astype(np.float32)
+    arrays = [backend.upload(picture), junk(backend, shape, np.float32), junk(backend, shape, np.float32)]
     for axis in (0, 1):
         backend.launch(
             "smooth",
             source=arrays[axis],
             weights=backend.upload(weights),
-            width=WIDTH,
-            height=HEIGHT,
-            radius=2,
+            width=shape[1],
+            height=shape[0],
+            radius=radius,
             axis=axis,
             smoothed_out=arrays[axis + 1],
         )
@@ -113,11 +121,13 @@ def test_smooth(backend):
     assert difference.max() <= 1
 
 
+@pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("size", [3, 11, 31])
-def test_window_norms(backend, size):
-    picture, _ = scene()
-    mask = np.ones((HEIGHT, WIDTH), np.uint8)
-    mask[:5, :9] = 0
+def test_window_norms(backend, shape, size):
+    picture = np.random.default_rng(3).integers(-128, 128, shape).astype(np.float32)
+    picture[3:, 2:40] = 7
+    mask = np.ones(shape, np.uint8)
+    mask[:5, 5:9] = 0
     out = [backend.download(a) for a in norms(backend, picture, mask, size // 2, 5.0)]
     sums, inverses, validity = reference.window_norms(picture, mask, size // 2, 5.0)
     np.testing.assert_array_equal(out[0], sums)
@@ -192,112 +202,91 @@ def test_fused_on_extreme_shapes(backend, shape):
         np.testing.assert_array_equal(backend.download(apart[name]), backend.download(fused[name]))
 
 
-def maps(seed=5):
-    """A disparity map with holes, jumps and outliers, the other view's winners, and validity bits."""
-    rng = np.random.default_rng(seed)
-    values = np.full((HEIGHT, WIDTH), 4.0, np.float32) + rng.normal(0, 0.3, (HEIGHT, WIDTH)).astype(np.float32)
+def maps(shape=(HEIGHT, WIDTH), missing=0.3):
+    """A disparity map with holes, jumps and outliers, and validity bits."""
+    rng = np.random.default_rng(5)
+    values = np.full(shape, 4.0, np.float32) + rng.normal(0, 0.3, shape).astype(np.float32)
     values[:, 25:] += 6
-    values[rng.random(values.shape) < 0.15] += 3
-    values[rng.random(values.shape) < 0.3] = np.nan
+    values[rng.random(shape) < 0.15] += 3
+    values[rng.random(shape) < missing] = np.nan
     validity = np.where(np.isnan(values), 1, 0).astype(np.uint8)
-    values[:6, 40:] = np.nan
-    validity[:6, 40:] = reference.MASKED
+    values[:6, 40:60] = np.nan
+    validity[:6, 40:60] = reference.MASKED
     return values, validity
 
 
-@pytest.mark.parametrize("weight", [0.0, 1.0])
-def test_confidence(backend, weight):
-    rng = np.random.default_rng(8)
-    score, ratio = (rng.uniform(-0.2, 1.2, (HEIGHT, WIDTH)).astype(np.float32) for _ in range(2))
-    validity = rng.choice([0, 0, 4, reference.FILLED], score.shape).astype(np.uint8)
-    out = junk(backend, score.shape, np.float32)
-    held = [backend.upload(a) for a in (score, ratio, validity)]
-    names = dict(zip(("score", "ratio", "validity"), held, strict=True))
-    backend.launch("confidence", **names, width=WIDTH, height=HEIGHT, weight=weight, confidence_out=out)
-    want = reference.confidence(score.astype(float), ratio.astype(float), validity, weight)
-    np.testing.assert_allclose(backend.download(out), want, atol=1e-6)
-    assert (want == 0).any()
-    assert (want == 1).any()
-
-
-@pytest.mark.parametrize("direction", [1, -1])
-def test_consistency(backend, direction):
-    values, validity = maps()
-    other = np.random.default_rng(6).integers(-1, 14, values.shape)
-    key = np.where(other >= 0, 5 * 128 + 127 - other, 0).astype(np.int32)
-    disparity_out = junk(backend, values.shape, np.float32)
-    validity_out = junk(backend, values.shape, np.uint8)
+def refined(backend, kernel, values, validity, **arguments):
+    """What a kernel makes of a map and its validity."""
+    outputs = [junk(backend, values.shape, dtype) for dtype in (np.float32, np.uint8)]
     backend.launch(
-        "consistency",
+        kernel,
         disparity=backend.upload(values),
-        other=backend.upload(key),
         validity=backend.upload(validity),
-        width=WIDTH,
-        height=HEIGHT,
-        smallest=0,
-        disparities=14,
-        direction=direction,
-        tolerance=1.5,
-        disparity_out=disparity_out,
-        validity_out=validity_out,
+        width=values.shape[1],
+        height=values.shape[0],
+        **arguments,
+        disparity_out=outputs[0],
+        validity_out=outputs[1],
     )
-    want = reference.consistency(values, other, validity, 0, 14, direction, 1.5)
-    np.testing.assert_array_equal(backend.download(disparity_out), want[0])
-    np.testing.assert_array_equal(backend.download(validity_out), want[1])
-    assert {reference.OCCLUDED, reference.MISMATCH} <= set(np.unique(want[1]))
+    return [backend.download(output) for output in outputs]
 
 
+# The last one is wider than the stretch of a row whose marks the form for CPUs holds.
+@pytest.mark.parametrize("shape", [*SHAPES, (1, 4200)])
+@pytest.mark.parametrize(("direction", "smallest"), [(1, 0), (-1, 0), (1, -5), (-1, 3)])
+def test_consistency(backend, shape, direction, smallest):
+    values, validity = maps(shape)
+    other = np.random.default_rng(6).integers(-1, 14, shape)
+    key = np.where(other >= 0, 5 * 128 + 127 - other, 0).astype(np.int32)
+    numbers = {"smallest": smallest, "disparities": 14, "direction": direction, "tolerance": 1.5}
+    got = refined(backend, "consistency", values, validity, other=backend.upload(key), **numbers)
+    want = reference.consistency(values, other, validity, smallest, 14, direction, 1.5)
+    np.testing.assert_array_equal(got[0], want[0])
+    np.testing.assert_array_equal(got[1], want[1])
+    if shape[1] > 14:
+        assert {0, reference.OCCLUDED, reference.MISMATCH} <= set(np.unique(want[1]))
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("missing", [0.0, 0.02, 0.6])
 @pytest.mark.parametrize("size", [3, 5, 7])
-def test_median(backend, size):
-    values, _ = maps()
-    out = junk(backend, values.shape, np.float32)
+def test_median(backend, shape, missing, size):
+    values, _ = maps(shape, missing)
+    out = junk(backend, shape, np.float32)
     held = backend.upload(values)
-    backend.launch("median", disparity=held, width=WIDTH, height=HEIGHT, size=size, disparity_out=out)
+    backend.launch("median", disparity=held, width=shape[1], height=shape[0], size=size, disparity_out=out)
     np.testing.assert_array_equal(backend.download(out), reference.median(values, size))
 
 
-@pytest.mark.parametrize("slope", [0.0, 0.5])
-def test_support(backend, slope):
-    values, validity = maps()
-    disparity_out = junk(backend, values.shape, np.float32)
-    validity_out = junk(backend, values.shape, np.uint8)
-    backend.launch(
-        "support",
-        disparity=backend.upload(values),
-        validity=backend.upload(validity),
-        width=WIDTH,
-        height=HEIGHT,
-        reach=7,
-        step=3,
-        tolerance=1.0,
-        slope=slope,
-        share=0.3,
-        disparity_out=disparity_out,
-        validity_out=validity_out,
-    )
-    want = reference.support(values, validity, 7, 3, 1.0, slope, float(np.float32(0.3)))
-    np.testing.assert_array_equal(backend.download(disparity_out), want[0])
-    np.testing.assert_array_equal(backend.download(validity_out), want[1])
-    assert (want[1] != validity).any()
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize(("reach", "step", "slope"), [(7, 3, 0.0), (7, 3, 0.5), (150, 50, 0.01), (1, 2, 0.0)])
+def test_support(backend, shape, reach, step, slope):
+    values, validity = maps(shape)
+    numbers = {"reach": reach, "step": step, "tolerance": 1.0, "slope": slope}
+    got = refined(backend, "support", values, validity, **numbers, share=0.3)
+    want = reference.support(values, validity, reach, step, 1.0, slope, float(np.float32(0.3)))
+    np.testing.assert_array_equal(got[0], want[0])
+    np.testing.assert_array_equal(got[1], want[1])
+    if shape == (HEIGHT, WIDTH) and step < reach:
+        assert (want[1] != validity).any()
 
 
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("missing", [0.05, 0.3, 0.9])
 @pytest.mark.parametrize("reach", [1, 4, 100])
-def test_fill(backend, reach):
-    values, validity = maps()
-    disparity_out = junk(backend, values.shape, np.float32)
-    validity_out = junk(backend, values.shape, np.uint8)
-    backend.launch(
-        "fill",
-        disparity=backend.upload(values),
-        validity=backend.upload(validity),
-        width=WIDTH,
-        height=HEIGHT,
-        reach=reach,
-        tolerance=1.0,
-        disparity_out=disparity_out,
-        validity_out=validity_out,
-    )
+def test_fill(backend, shape, missing, reach):
+    values, validity = maps(shape, missing)
+    got = refined(backend, "fill", values, validity, reach=reach, tolerance=1.0)
     want = reference.fill(values, validity, reach, 1.0)
-    np.testing.assert_allclose(backend.download(disparity_out), want[0], rtol=1e-6)
-    np.testing.assert_array_equal(backend.download(validity_out), want[1])
-    assert (want[1] == reference.FILLED).any()
+    np.testing.assert_allclose(got[0], want[0], rtol=1e-6)
+    np.testing.assert_array_equal(got[1], want[1])
+    if shape == (HEIGHT, WIDTH):
+        assert (want[1] == reference.FILLED).any()
+
+
+def test_fill_mirrors(backend):
+    values, validity = maps()
+    plain = refined(backend, "fill", values, validity, reach=20, tolerance=2.0)
+    mirrored = refined(backend, "fill", values[:, ::-1], validity[:, ::-1], reach=20, tolerance=2.0)
+    for one, two in zip(plain, mirrored, strict=True):
+        np.testing.assert_array_equal(one, two[:, ::-1])
