@@ -12,7 +12,7 @@ BLOCK, TILE, LANES = 64, 16, 16
 PAD = 4
 
 # Kernels whose OpenCL form for CPUs gives each work-item a band of rows.
-BANDED = frozenset({"consistency", "fill", "grey", "median", "smooth", "support"})
+BANDED = frozenset({"consistency", "fill", "grey", "median", "rectify", "slant", "smooth", "support", "triangulate"})
 
 
 # The same as in the forms for GPUs, ncc_wta: disparities and columns of a work-group.

@@ -11,6 +11,16 @@ typedef float lanes __attribute__((ext_vector_type(LANES), aligned(4)));
 typedef int int_lanes __attribute__((ext_vector_type(LANES), aligned(4)));
 typedef uchar uchar_lanes __attribute__((ext_vector_type(LANES), aligned(1)));
 
+// 0, 1, 2 ... from the first lane on.
+inline int_lanes lane_numbers(void)
+{
+#if LANES == 16
+    return (int_lanes)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+#else
+    return (int_lanes)(0, 1, 2, 3, 4, 5, 6, 7);
+#endif
+}
+
 // Rows first to last - 1 are this work-item's: an even share of the picture for each.
 inline int2 band_of_rows(int height)
 {
@@ -79,6 +89,12 @@ inline lanes magnitude(lanes v) { return __builtin_astype(__builtin_astype(v, in
 // All lanes or'ed together: whether any lane of a comparison holds.
 inline int any_lane(int_lanes holds)
 {
+#if !defined(__AVX2__)
+    // Oclgrind 21.10 cannot follow the other way.
+    int any = 0;
+    for (int k = 0; k < LANES; k++) any |= holds[k];
+    return any;
+#else
 #if LANES == 16
     int8 some = holds.lo | holds.hi;
 #else
@@ -87,6 +103,7 @@ inline int any_lane(int_lanes holds)
     int4 few = some.lo | some.hi;
     int2 two = few.lo | few.hi;
     return two.x | two.y;
+#endif
 }
 
 // One bit a lane of a comparison that holds, the first lane's lowest.
