@@ -52,11 +52,17 @@ def backend(request):
     return open_limited(request.param)
 
 
-for module in (test_geometry_kernels, test_matching_kernels, test_smooth_path_kernels):
-    for name, test in vars(module).copy().items():
-        if name.startswith("test_") and "backend" in inspect.signature(test).parameters:
-            assert name not in globals(), f"two kernel tests are called {name}"
-            globals()[name] = test
+def kernel_tests():
+    found = {}
+    for module in (test_geometry_kernels, test_matching_kernels, test_smooth_path_kernels):
+        for name, test in vars(module).items():
+            if name.startswith("test_") and "backend" in inspect.signature(test).parameters:
+                assert name not in found, f"two kernel tests are called {name}"
+                found[name] = test
+    return found
+
+
+globals().update(kernel_tests())
 
 
 @pytest.fixture
