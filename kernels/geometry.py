@@ -11,6 +11,8 @@ BLOCK, TILE, LANES = 64, 16, 16
 # The same as in opencl/aggregate_cpu.cl.
 PAD = 4
 
+# Kernels whose Warp form for CPUs gives each work-item a row.
+ROWS = frozenset({"median"})
 # Kernels whose OpenCL form for CPUs gives each work-item a band of rows.
 BANDED = frozenset({"consistency", "fill", "grey", "median", "rectify", "slant", "smooth", "support", "triangulate"})
 
@@ -71,6 +73,8 @@ def geometry(kernel: str, language: str, form: str, arguments: Mapping[str, Any]
         return Geometry((lines,), {"lines": lines}, 2 * lines * (arguments["disparities"] + 2 * PAD), alone=True)
     if kernel == "census_volume":
         return Geometry((arguments["disparities"], width, height))
+    if kernel in ROWS and language == "warp" and form == "cpu":
+        return Geometry((height,))
     if kernel in BANDED and language == "opencl" and form == "cpu":
         # Eight bands a core even out the load.
         return Geometry((min(height, 8 * units),), alone=True)
