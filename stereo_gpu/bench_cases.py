@@ -14,15 +14,15 @@ from stereo_gpu.backends import Backend
 from stereo_gpu.bench_peers import Peer
 from stereo_gpu.bench_scene import BenchScene, mesh_of
 from stereo_gpu.config import PROFILES, MatchOptions, Profile
-from stereo_gpu.device_match import match_on
-from stereo_gpu.prepare import prepare_view
+from stereo_gpu.device_match import download_disparity, match_on
+from stereo_gpu.prepare import DeviceView, prepare_view
 from stereo_gpu.rectify import plan_rectification, rectify_on
 from stereo_gpu.refine import better, lean
 from stereo_gpu.texture import bake_texture
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.triangulate import triangulate_on
 from stereo_gpu.types import View
-from stereo_gpu.winners import Winners
+from stereo_gpu.winners import Winners, find_winners
 
 Stage = Callable[[Backend, BenchScene], object]
 
@@ -110,12 +110,22 @@ def _rectifying(colour: bool) -> Stage:
     return stage
 
 
+def _views(device: Backend, scene: BenchScene, options: MatchOptions) -> tuple[DeviceView, DeviceView]:
+    everywhere = device.upload(np.ones((scene.height, scene.width), np.uint8))
+    ours = prepare_view(device, device.upload(scene.right), 1.0, everywhere, options)
+    return ours, prepare_view(device, device.upload(scene.left), 1.0, everywhere, options)
+
+
+def _census(device: Backend, scene: BenchScene) -> object:
+    # Not the whole match, which asks for a volume's memory: the census comes before that is taken.
+    options = options_of(Profile.PRECISE, scene)
+    ours, theirs = _views(device, scene, options)
+    return find_winners(device, ours, theirs, smallest=0, disparities=scene.disparities, direction=1, options=options)
+
+
 def _leaning(device: Backend, scene: BenchScene) -> object:
     options = options_of(Profile.PRECISE, scene)
-    everywhere = device.upload(np.ones((scene.height, scene.width), np.uint8))
-    ours, theirs = (
-        prepare_view(device, device.upload(picture), 1.0, everywhere, options) for picture in (scene.right, scene.left)
-    )
+    ours, theirs = _views(device, scene, options)
     found = _matching(Profile.FAST)(device, scene)
     assert isinstance(found, Winners)
     return lean(device, found, ours, theirs, 1, rounds=1, step_px=options.slant_step_px, options=options)
@@ -126,6 +136,13 @@ def _merging(device: Backend, scene: BenchScene) -> object:
     assert isinstance(found, Winners)
     rival = dataclasses.replace(found, values=device.upload(scene.disparity))
     return better(device, found, rival)
+
+
+def _downloading(device: Backend, scene: BenchScene) -> object:
+    found = _matching(Profile.FAST)(device, scene)
+    assert isinstance(found, Winners)
+    options = options_of(Profile.FAST, scene)
+    return download_disparity(device, found, 0, scene.disparities, View.RIGHT, Profile.FAST, options, Stopwatch())
 
 
 def _triangulating(device: Backend, scene: BenchScene) -> object:
@@ -156,7 +173,7 @@ KERNELS = (
     # A peak is told from its neighbours, and held against the best and the second best; the other view's winner.
     KernelCase(name="wta", kernel="wta", stage=_PAPER, per="cell", after="ncc_volume", operations=_constant(5)),
     # Each of 62 bits: a comparison, and its place in the number.
-    KernelCase(name="census", kernel="census", stage=_PRECISE, operations=_constant(124)),
+    KernelCase(name="census", kernel="census", stage=_census, operations=_constant(124)),
     # Two differences, two counts of bits, their sum.
     KernelCase(name="census_volume", kernel="census_volume", stage=_PRECISE, per="cell", operations=_constant(5)),
     # Four ways to come from, the smallest of them and of the row, the cost, and the weighted sum.
@@ -200,6 +217,7 @@ KERNELS = (
     KernelCase(name="median", kernel="median", stage=_FAST, peer=peers.MEDIAN_BLUR),
     KernelCase(name="support", kernel="support", stage=_FAST),
     KernelCase(name="fill", kernel="fill", stage=_FAST),
+    KernelCase(name="confidence", kernel="confidence", stage=_downloading, operations=_constant(6)),
     KernelCase(
         name="triangulate",
         kernel="triangulate",

@@ -218,9 +218,9 @@ def _prepare_match(case: ProfileCase, device: Backend, scene: BenchScene) -> tup
 
 
 def _transfer(device: Backend, scene: BenchScene) -> float:
-    """Seconds of the copies that `sg.match` makes: two pictures and two masks up, four maps down."""
+    """Seconds of the copies that `sg.match` makes: two pictures and two masks up, three maps down."""
     shape = (scene.height, scene.width)
-    maps = [device.zeros(shape, dtype) for dtype in (np.float32, np.uint8, np.float32, np.float32)]
+    maps = [device.zeros(shape, dtype) for dtype in (np.float32, np.uint8, np.float32)]
     everywhere = np.ones(shape, np.uint8)
     taken = []
     for _ in range(TRANSFER_TRIES):
