@@ -12,7 +12,7 @@ BLOCK, TILE, LANES = 64, 16, 16
 PAD = 4
 
 # Kernels whose Warp form for CPUs gives each work-item a row.
-ROWS = frozenset({"median"})
+ROWS = frozenset({"median", "smooth", "support"})
 # Kernels whose OpenCL form for CPUs gives each work-item a band of rows.
 BANDED = frozenset({"consistency", "fill", "grey", "median", "rectify", "slant", "smooth", "support", "triangulate"})
 
@@ -78,6 +78,9 @@ def geometry(kernel: str, language: str, form: str, arguments: Mapping[str, Any]
     if kernel in BANDED and language == "opencl" and form == "cpu":
         # Eight bands a core even out the load.
         return Geometry((min(height, 8 * units),), alone=True)
+    if kernel == "window_norms" and language == "warp" and form == "cpu":
+        rows = _rows_a_strip(height, 4 * units)
+        return Geometry((-(-height // rows),), {"rows": rows})
     if kernel == "window_norms":
         # Eight strips a core even out the load of a CPU, whose form takes whole rows.
         whole_rows = language == "opencl" and form == "cpu"

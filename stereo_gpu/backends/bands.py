@@ -21,7 +21,7 @@ from typing import Any
 
 FIRST = "first_of_band"
 # More bands than threads even out work-items of unequal cost, such as the diagonals of a picture.
-_BANDS_A_THREAD = 3
+_BANDS_A_THREAD = 4
 _TID = re.compile(r"^( +)(\w+)((?:, \w+)*) = wp\.tid\(\)$", re.MULTILINE)
 _PARAMETERS = re.compile(r"^( +)# In:$", re.MULTILINE)
 
