@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any
 
 from stereo_gpu.bench_report import number
@@ -21,27 +20,34 @@ MATCHERS = ("ncc_wta", "match fast", "match paper", "match precise")
 
 
 def draw_speed(run: BenchRun) -> Figure | None:
-    """Disparity evaluations a second of every matcher, a panel a size."""
-    rows = [r for r in run.rows if r.evaluations_s and (r.kind == "peer" or r.name in MATCHERS)]
+    """How many times as fast as StereoBM each matcher is, timed in turn with it; a panel a size.
+
+    Not GDE/s: those of two matchers are of two moments, which a busy machine makes different.
+    """
+    rows = [r for r in run.rows if r.to_stereobm and (r.kind == "peer" or r.name in MATCHERS)]
     sizes = [size for size in run.sizes if any(row.size == size for row in rows)]
     if not sizes:
         return None
     shades = colours(run)
     most = max(sum(row.size == size for row in rows) for size in sizes)
-    figure = new_figure(4.6 * len(sizes) + 0.6, 1.7 + 0.3 * most)
-    slowest = min(row.evaluations_s or math.inf for row in rows) / 1e9
-    fastest = max(row.evaluations_s or 0 for row in rows) / 1e9
+    figure = new_figure(4.6 * len(sizes) + 0.6, 1.9 + 0.3 * most)
+    speeds = [1 / (row.to_stereobm or 1) for row in rows]
+    low, high = min(0.5, *speeds) / 10, max(2.0, *speeds) * 4
     for index, size in enumerate(sizes):
         axes = figure.add_subplot(1, len(sizes), index + 1)
-        shown = sorted((row for row in rows if row.size == size), key=lambda row: -(row.evaluations_s or 0))
+        shown = sorted((row for row in rows if row.size == size), key=lambda row: row.to_stereobm or 0)
         for place, row in enumerate(shown):
-            speed = (row.evaluations_s or 0) / 1e9
-            axes.barh(place, speed, color=shades[row.device], height=0.72, zorder=3)
-            axes.text(speed * 1.12, place, number(speed), va="center", fontsize=8)
+            speed = 1 / (row.to_stereobm or 1)
+            axes.barh(place, speed - 1, left=1, color=shades[row.device], height=0.72, zorder=3)
+            side, align = (speed / 1.1, "right") if speed < 1 else (speed * 1.1, "left")
+            axes.text(side, place, number(speed), va="center", ha=align, fontsize=8)
+        axes.axvline(1, color=INK, linewidth=1, zorder=4)
         axes.set_yticks(range(len(shown)), [row.name for row in shown])
-        axes.set(xscale="log", xlim=(slowest / 2, fastest * 4), ylim=(most - 0.4, -0.6))
-        axes.set_title("{} x {} x {}".format(*size), loc="left")
-        axes.set_xlabel("GDE/s (log scale)")
+        axes.set(xscale="log", xlim=(low, high), ylim=(most - 0.4, -0.6))
+        peer = next((row.evaluations_s for row in shown if row.name == "StereoBM" and row.evaluations_s), None)
+        title = "{} x {} x {}".format(*size)
+        axes.set_title(f"{title}\nStereoBM: {number(peer / 1e9)} GDE/s" if peer else title, loc="left")
+        axes.set_xlabel("times as fast as StereoBM (log scale)")
         dress(axes)
         plain_ticks(axes, "x")
         axes.grid(False, axis="y")

@@ -11,7 +11,7 @@ from stereo_gpu.bench_run import BenchRun, Row
 
 CAPTIONS = {
     "peers": "Wall time over that of the OpenCV function that does the same, timed in turn on the same input.",
-    "speed": "Disparity evaluations a second: W x H x D over the time, of a kernel on the device, of a call in all.",
+    "speed": "How many times as fast as StereoBM each matcher is, timed in turn with it on the same input.",
     "roofline": "How far each kernel is from what the memory and the arithmetic of the device allow.",
 }
 STYLE = """
