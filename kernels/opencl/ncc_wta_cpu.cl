@@ -9,6 +9,8 @@
 
 #define GROUP 2 // pixels that share a walk over the disparities; with more, the walk itself gets slower
 #define TILE LANES // pixels whose keys are held until their winners and the other view's are taken
+// A call would copy a strip and keep vectors out of registers.
+#define INLINE inline __attribute__((always_inline))
 typedef short shorts __attribute__((vector_size(4 * LANES)));
 
 // A row's beginning is cold when the row's turn comes: its address is too far from the last row's for the hardware
@@ -20,9 +22,9 @@ typedef short shorts __attribute__((vector_size(4 * LANES)));
 #endif
 
 // The picture's column at walking position p.
-inline int column_at(int p, int width, int direction) { return direction > 0 ? p : width - 1 - p; }
+INLINE int column_at(int p, int width, int direction) { return direction > 0 ? p : width - 1 - p; }
 
-inline lanes reversed(lanes v)
+INLINE lanes reversed(lanes v)
 {
 #if LANES == 16
     return __builtin_shufflevector(v, v, 15, 14, 13, 12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2, 1, 0);
@@ -32,7 +34,7 @@ inline lanes reversed(lanes v)
 }
 
 // Walking positions p .. p + LANES - 1 of a row: beyond its ends its edge repeated, or 0.
-inline lanes load_row(__global const float *row, int p, int width, int direction, int zero)
+INLINE lanes load_row(__global const float *row, int p, int width, int direction, int zero)
 {
     if (p >= 0 && p + LANES <= width) {
         if (direction < 0) return reversed(*(__global const lanes *)(row + width - LANES - p));
@@ -48,7 +50,7 @@ inline lanes load_row(__global const float *row, int p, int width, int direction
 }
 
 // Store to walking positions p .. p + LANES - 1 of a row those that lie in the picture.
-inline void store_row(lanes v, __global float *row_out, int p, int width, int direction)
+INLINE void store_row(lanes v, __global float *row_out, int p, int width, int direction)
 {
     if (p + LANES <= width) {
         if (direction > 0) *(__global lanes *)(row_out + p) = v;
@@ -59,14 +61,14 @@ inline void store_row(lanes v, __global float *row_out, int p, int width, int di
 }
 
 // Two whole numbers of 16 bits a lane, first below second.
-inline int_lanes pair(lanes first, lanes second)
+INLINE int_lanes pair(lanes first, lanes second)
 {
     return (__builtin_convertvector(first, int_lanes) & 0xffff) | (__builtin_convertvector(second, int_lanes) << 16);
 }
 
 // first x first + second x second of every lane, which x86 has one instruction for.
 #define WORDS(pairs) __builtin_astype(pairs, shorts)
-inline int_lanes pair_product(int_lanes a, int_lanes b)
+INLINE int_lanes pair_product(int_lanes a, int_lanes b)
 {
 #if defined(__AVX512BW__)
     return __builtin_astype(__builtin_ia32_pmaddwd512(WORDS(a), WORDS(b)), int_lanes);
@@ -77,9 +79,22 @@ inline int_lanes pair_product(int_lanes a, int_lanes b)
 #endif
 }
 
-inline int_lanes larger(int_lanes a, int_lanes b) { return a > b ? a : b; }
+// Lanes 1 .. LANES of two vectors that follow one another.
+#if LANES == 16
+#define FOLLOWING(a, b) __builtin_shufflevector(a, b, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16)
+#else
+#define FOLLOWING(a, b) __builtin_shufflevector(a, b, 1, 2, 3, 4, 5, 6, 7, 8)
+#endif
 
-inline int_lanes smaller(int_lanes a, int_lanes b) { return a < b ? a : b; }
+// Set so many numbers, a multiple of LANES, to 0.
+INLINE void clear(__global int *numbers, int count)
+{
+    for (int k = 0; k < count; k += LANES) *(__global int_lanes *)(numbers + k) = (int_lanes)(0);
+}
+
+INLINE int_lanes larger(int_lanes a, int_lanes b) { return a > b ? a : b; }
+
+INLINE int_lanes smaller(int_lanes a, int_lanes b) { return a < b ? a : b; }
 
 // Two rows whose lanes hold largest values of 1, 2, 4 or 8 lanes become one of 2, 4, 8 or 16.
 #if LANES == 16
@@ -109,7 +124,7 @@ inline int_lanes smaller(int_lanes a, int_lanes b) { return a < b ? a : b; }
 #endif
 // Row t's largest value in lane t, of LANES rows. Rows are merged in pairs, so that each step halves their number
 // and keeps all lanes at work.
-inline int_lanes largest_of_rows(__global const int_lanes *rows)
+INLINE int_lanes largest_of_rows(__global const int_lanes *rows)
 {
     int_lanes held[LANES];
     UNROLL
@@ -139,7 +154,7 @@ typedef struct {
 } Strip;
 
 // Lay out a strip's scratch for blocks of so many columns; kernels/geometry.py computes the same size.
-inline Strip lay_out(__global float *scratch, int strip, int block, int disparities, int radius)
+INLINE Strip lay_out(__global float *scratch, int strip, int block, int disparities, int radius)
 {
     Strip s;
     s.padded = (disparities + LANES - 1) / LANES * LANES;
@@ -164,12 +179,12 @@ inline Strip lay_out(__global float *scratch, int strip, int block, int disparit
     s.places = (__global int *)(s.seconds + TILE);
     s.befores = s.places + TILE;
     s.afters = s.befores + TILE;
-    for (int k = 0; k < TILE * s.key_row; k++) s.keys[k - TILE - LANES] = 0;
+    clear(s.keys - TILE - LANES, TILE * s.key_row);
     return s;
 }
 
 // Add a row's products to the sums of column c, and to the box where it is wanted.
-inline void add_products(Strip s, int c, int with_box)
+INLINE void add_products(Strip s, int c, int with_box)
 {
     int_lanes own = (int_lanes)(s.ours[c]);
     for (int i = 0; i < s.padded; i += LANES) {
@@ -180,7 +195,7 @@ inline void add_products(Strip s, int c, int with_box)
 }
 
 // Correlate GROUP pixels, from x on, at the first `searched` disparities; t is their place in the tile.
-inline void correlate(Strip s, int x, int t, int searched, int disparities, int radius, int_lanes first_index)
+INLINE void correlate(Strip s, int x, int t, int searched, int disparities, int radius, int_lanes first_index)
 {
     int_lanes own[GROUP], high[GROUP], second[GROUP], index = first_index;
     lanes mean[GROUP], inverse[GROUP];
@@ -194,18 +209,34 @@ inline void correlate(Strip s, int x, int t, int searched, int disparities, int 
         inverse[g] = (lanes)(s.inverse_x[x + g]);
         high[g] = second[g] = (int_lanes)(0);
     }
+    int_lanes pairs[GROUP + 1];
+    lanes sums[GROUP + 1], inverses[GROUP + 1];
+    // The last of each is the first of the next walk's. Only the first pixel's vectors are loaded: most would lie
+    // across two cache lines.
+    pairs[GROUP] = *(__global const int_lanes *)their;
+    sums[GROUP] = *(__global const lanes *)their_sum;
+    inverses[GROUP] = *(__global const lanes *)their_inverse;
     for (int i = 0; i < searched; i += LANES) {
+        pairs[0] = pairs[GROUP];
+        sums[0] = sums[GROUP];
+        inverses[0] = inverses[GROUP];
+        pairs[GROUP] = *(__global const int_lanes *)(their + i + LANES);
+        sums[GROUP] = *(__global const lanes *)(their_sum + i + LANES);
+        inverses[GROUP] = *(__global const lanes *)(their_inverse + i + LANES);
+        pairs[1] = FOLLOWING(pairs[0], pairs[GROUP]);
+        sums[1] = FOLLOWING(sums[0], sums[GROUP]);
+        inverses[1] = FOLLOWING(inverses[0], inverses[GROUP]);
         int_lanes sum = *(__global int_lanes *)(s.box + i);
         int_lanes inside = index > s.mask - disparities ? (int_lanes)(-1) : (int_lanes)(0);
         UNROLL
         for (int g = 0; g < GROUP; g++) {
             __global int_lanes *below = (__global int_lanes *)(column + g * s.pitch + i);
-            *below += pair_product(own[g], *(__global const int_lanes *)(their + g + i));
+            *below += pair_product(own[g], pairs[g]);
             sum += *below;
             // This order of operations is the same in every form of the correlation, so that all agree.
             lanes score = ((__builtin_convertvector(sum, lanes)
-                            - mean[g] * *(__global const lanes *)(their_sum + g + i)) * inverse[g])
-                          * *(__global const lanes *)(their_inverse + g + i);
+                            - mean[g] * sums[g]) * inverse[g])
+                          * inverses[g];
             int_lanes k = ((__builtin_convertvector(score, int_lanes) & ~s.mask) | index) & inside;
             *(__global int_lanes *)(key + g * s.key_row + i) = k;
             second[g] = larger(second[g], smaller(high[g], k));
@@ -223,7 +254,7 @@ inline void correlate(Strip s, int x, int t, int searched, int disparities, int 
 }
 
 // Store the winners of a tile's pixels, from walking position p on, to their row.
-inline void take_winners(
+INLINE void take_winners(
     Strip s, int p, int length, int width, int direction, int smallest, int subpixel, __global const uchar *validity,
     __global float *disparity_out, __global float *score_out, __global float *ratio_out, __global uchar *validity_out)
 {
@@ -266,7 +297,7 @@ inline void take_winners(
 }
 
 // Load a row's sums and norms: of the other view from walking position p_other on, of ours from p on.
-inline void load_norms(
+INLINE void load_norms(
     Strip s, int p, int p_other, int tiles, float count, int width, int direction, __global const float *reference_sum,
     __global const float *reference_inverse, __global const float *other_sum, __global const float *other_inverse)
 {
@@ -283,7 +314,7 @@ inline void load_norms(
 }
 
 // Of the keys of the tile at column x the best ones for each pixel of the other view.
-inline void gather_others(Strip s, int x, int searched)
+INLINE void gather_others(Strip s, int x, int searched)
 {
     for (int k = 0; k < searched + TILE; k += LANES) {
         __global int_lanes *held = (__global int_lanes *)(s.key_u + x + k);
@@ -296,11 +327,12 @@ inline void gather_others(Strip s, int x, int searched)
 }
 
 // Merge the other view's best keys, from walking position p on, into its row.
-inline void merge_others(Strip s, int p, int length, int width, int direction, __global int *other_out)
+INLINE void merge_others(Strip s, int p, int length, int width, int direction, __global int *other_out)
 {
     for (int k = 0; k < length; k += LANES) {
         int_lanes key = *(__global const int_lanes *)(s.key_u + k);
         if (direction > 0 && p + k >= 0 && p + k + LANES <= width) {
+            FETCH(other_out + width + p + k);
             __global int_lanes *held = (__global int_lanes *)(other_out + p + k);
             *held = larger(*held, key > s.mask ? key : 0);
             continue;
@@ -353,7 +385,7 @@ __kernel void ncc_wta(
     for (int start = 0; start < width; start += widest) {
         int block = start + widest < width ? widest : width - start;
         int tiles = (block + TILE - 1) / TILE * TILE, used = tiles + 2 * radius;
-        for (int k = 0; k < s.pitch * used; k++) s.sums[k] = 0;
+        clear(s.sums, s.pitch * used);
 
         for (int y = first - 2 * radius; y < last; y++) {
             int row_in = clamp_index(y + radius, height) * width;
@@ -376,7 +408,7 @@ __kernel void ncc_wta(
             int row = y * width, searched = padded;
             load_norms(s, start, start + smallest, tiles, count, width, direction, reference_sum + row,
                        reference_inverse + row, other_sum + row, other_inverse + row);
-            for (int i = 0; i < padded; i += LANES) *(__global int_lanes *)(s.box + i) = (int_lanes)(0);
+            clear(s.box, padded);
             for (int c = 0; c < 2 * radius; c++) add_products(s, c, 1);
             for (int x = 0; x < block; x += TILE) {
                 // Beyond the other picture's end nothing correlates, here or further on.
