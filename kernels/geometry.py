@@ -99,7 +99,7 @@ def geometry(kernel: str, language: str, form: str, arguments: Mapping[str, Any]
         block = min(640, max(64, 65536 // padded // 16 * 16))
         columns = block + 2 * arguments["radius"]
         span = (columns + padded + 16) // 16 * 16 + 16
-        floats = (padded + 16) * (columns + 1) + 16 * (padded + 64) + 5 * span + 2 * block + 35 * 16
+        floats = (padded + 16) * (columns + 2) + 16 * (padded + 64) + 5 * span + 2 * block + 35 * 16
         return Geometry((strips,), {"rows": rows}, strips * floats, alone=True)
     if kernel == "ncc_wta" and language == "warp" and form == "cpu":
         rows = _rows_a_strip(height, 4 * units)

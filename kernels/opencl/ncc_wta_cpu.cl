@@ -145,6 +145,7 @@ typedef struct {
     int bits, mask;                 // of an index in a key
     __global int *sums;             // column sums of products, disparities side by side, a row a column
     __global int *box;              // their sum over the window's columns
+    __global int *indices;          // the index's part of every disparity's key
     __global int *keys;             // a row a pixel of the tile, with zeros on either side
     __global int *ours, *theirs;    // the rows that enter and leave the window, as pairs
     __global float *sum_u, *inverse_u, *mean_x, *inverse_x; // of the other view's windows and of ours
@@ -163,11 +164,12 @@ INLINE Strip lay_out(__global float *scratch, int strip, int block, int disparit
     s.bits = index_bits(disparities);
     s.mask = (1 << s.bits) - 1;
     int columns = block + 2 * radius, span = (columns + s.padded + LANES) / 16 * 16 + 16;
-    int length = s.pitch * (columns + 1) + TILE * s.key_row + 5 * span + 2 * block + (2 * TILE + 3) * LANES;
+    int length = s.pitch * (columns + 2) + TILE * s.key_row + 5 * span + 2 * block + (2 * TILE + 3) * LANES;
     s.sums = (__global int *)scratch + (long)strip * length;
     s.box = s.sums + s.pitch * columns;
-    s.keys = s.box + s.pitch + TILE + LANES;
-    s.ours = s.box + s.pitch + TILE * s.key_row;
+    s.indices = s.box + s.pitch;
+    s.keys = s.indices + s.pitch + TILE + LANES;
+    s.ours = s.indices + s.pitch + TILE * s.key_row;
     s.theirs = s.ours + span;
     s.key_u = s.theirs + span;
     s.sum_u = (__global float *)(s.key_u + span);
@@ -180,6 +182,8 @@ INLINE Strip lay_out(__global float *scratch, int strip, int block, int disparit
     s.befores = s.places + TILE;
     s.afters = s.befores + TILE;
     clear(s.keys - TILE - LANES, TILE * s.key_row);
+    // Beyond the last disparity a key is negative, whatever its score.
+    for (int i = 0; i < s.padded; i++) s.indices[i] = i < disparities ? s.mask - i : s.mask - i | INT_MIN;
     return s;
 }
 
@@ -195,9 +199,9 @@ INLINE void add_products(Strip s, int c, int with_box)
 }
 
 // Correlate GROUP pixels, from x on, at the first `searched` disparities; t is their place in the tile.
-INLINE void correlate(Strip s, int x, int t, int searched, int disparities, int radius, int_lanes first_index)
+INLINE void correlate(Strip s, int x, int t, int searched, int radius)
 {
-    int_lanes own[GROUP], high[GROUP], second[GROUP], index = first_index;
+    int_lanes own[GROUP], high[GROUP], second[GROUP];
     lanes mean[GROUP], inverse[GROUP];
     __global int *column = s.sums + (x + 2 * radius) * s.pitch, *key = s.keys + t * s.key_row;
     __global const int *gone = s.sums + x * s.pitch, *their = s.theirs + x + 2 * radius;
@@ -227,24 +231,21 @@ INLINE void correlate(Strip s, int x, int t, int searched, int disparities, int 
         sums[1] = FOLLOWING(sums[0], sums[GROUP]);
         inverses[1] = FOLLOWING(inverses[0], inverses[GROUP]);
         int_lanes sum = *(__global int_lanes *)(s.box + i);
-        int_lanes inside = index > s.mask - disparities ? (int_lanes)(-1) : (int_lanes)(0);
+        int_lanes index = *(__global const int_lanes *)(s.indices + i);
         UNROLL
         for (int g = 0; g < GROUP; g++) {
             __global int_lanes *below = (__global int_lanes *)(column + g * s.pitch + i);
             *below += pair_product(own[g], pairs[g]);
             sum += *below;
             // This order of operations is the same in every form of the correlation, so that all agree.
-            lanes score = ((__builtin_convertvector(sum, lanes)
-                            - mean[g] * sums[g]) * inverse[g])
-                          * inverses[g];
-            int_lanes k = ((__builtin_convertvector(score, int_lanes) & ~s.mask) | index) & inside;
+            lanes score = ((__builtin_convertvector(sum, lanes) - mean[g] * sums[g]) * inverse[g]) * inverses[g];
+            int_lanes k = (__builtin_convertvector(score, int_lanes) & ~s.mask) | index;
             *(__global int_lanes *)(key + g * s.key_row + i) = k;
             second[g] = larger(second[g], smaller(high[g], k));
             high[g] = larger(high[g], k);
             sum -= *(__global const int_lanes *)(gone + g * s.pitch + i);
         }
         *(__global int_lanes *)(s.box + i) = sum;
-        index -= LANES;
     }
     UNROLL
     for (int g = 0; g < GROUP; g++) {
@@ -379,8 +380,6 @@ __kernel void ncc_wta(
     // As wide as leaves the sums in a cache of 256 KiB; the same in kernels/geometry.py, for 16 lanes.
     int wide = 65536 / ((disparities + 15) / 16 * 16) / 16 * 16, widest = wide < 64 ? 64 : wide < 640 ? wide : 640;
     Strip s = lay_out(scratch, strip, widest, disparities, radius);
-    int_lanes first_index;
-    for (int k = 0; k < LANES; k++) first_index[k] = s.mask - k;
 
     for (int start = 0; start < width; start += widest) {
         int block = start + widest < width ? widest : width - start;
@@ -418,7 +417,7 @@ __kernel void ncc_wta(
                         *(__global int_lanes *)(s.keys + t * s.key_row + searched) = (int_lanes)(0);
                 }
                 for (int t = 0; t < TILE; t += GROUP)
-                    correlate(s, x + t, t, searched, disparities, radius, first_index);
+                    correlate(s, x + t, t, searched, radius);
                 take_winners(s, start + x, block - x < TILE ? block - x : TILE, width, direction, smallest, subpixel,
                              validity + row, disparity_out + row, score_out + row, ratio_out + row, validity_out + row);
                 gather_others(s, x, searched);
