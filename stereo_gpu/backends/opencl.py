@@ -15,7 +15,7 @@ import numpy as np
 import pyopencl as cl
 from numpy.typing import DTypeLike, NDArray
 
-from stereo_gpu.backends import pocl
+from stereo_gpu.backends import oclgrind, pocl
 from stereo_gpu.backends.contract import KEPT_SCRATCH_BYTES, Backend, DeviceArray, DeviceStatus, Kind, host_memory
 from stereo_gpu.errors import BackendError, MemoryLimitError
 from stereo_gpu.kernels.geometry import Geometry, geometry
@@ -122,6 +122,8 @@ class OpenCLBackend(Backend):
 
     def zeros(self, shape: tuple[int, ...], dtype: DTypeLike) -> DeviceArray:
         """Make an array of zeros on the device."""
+        if oclgrind.is_oclgrind(self._device):
+            return self.upload(np.zeros(shape, dtype))
         array = self.empty(shape, dtype)
         cl.enqueue_fill_buffer(self._queue, array.handle, np.uint8(0), 0, array.handle.size)
         return array
@@ -204,16 +206,19 @@ class OpenCLBackend(Backend):
 
     def _kernel(self, kernel: str, pixel: str) -> cl.Kernel:
         if (kernel, pixel) not in self._kernels:
+            text, simulated = source(kernel, self.form), oclgrind.is_oclgrind(self._device)
             options = ["-cl-std=CL1.2", *pocl.build_options(self._device), *([f"-DPIXEL={pixel}"] if pixel else [])]
+            if simulated:
+                text, options = oclgrind.PRELUDE + text, [*options, *oclgrind.BUILD_OPTIONS]
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", cl.CompilerWarning)
                 try:
-                    program = cl.Program(self._context, source(kernel, self.form)).build(options=options)
-                except cl.RuntimeError as error:
+                    program = cl.Program(self._context, text).build(options, cache_dir=False if simulated else None)
+                    self._kernels[kernel, pixel] = cl.Kernel(program, kernel)
+                except cl.Error as error:
                     failure = BackendError(f"kernel {kernel} does not compile on {self.device}: {_first_line(error)}")
                     failure.add_note(str(error))
                     raise failure from error
-            self._kernels[kernel, pixel] = cl.Kernel(program, kernel)
         return self._kernels[kernel, pixel]
 
     def _cast(self, kernel: str, parameter: Any, values: dict[str, Any]) -> Any:
