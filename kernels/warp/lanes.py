@@ -20,6 +20,7 @@ ZERO = wp.constant(1)
 NOTHING = wp.constant(2)
 Floats = wp.types.vector(16, float)
 Ints = wp.types.vector(16, int)
+Bytes = wp.types.vector(16, wp.uint8)
 
 
 @wp.func
