@@ -49,9 +49,9 @@ __kernel void consistency(
     int nearest = one < two ? one : two, farthest = one < two ? two : one;
     int_lanes counting;
     for (int j = 0; j < LANES; j++) counting[j] = j;
-    int places[BLOCK], keys[BLOCK];
-    float values[BLOCK];
-    uchar pointed_at[HELD + LANES]; // and one place for those that point elsewhere
+    int places[BLOCK] ALIGNED, keys[BLOCK] ALIGNED;
+    float values[BLOCK] ALIGNED;
+    uchar pointed_at[HELD + LANES] ALIGNED; // and one place for those that point elsewhere
     for (int y = band.x; y < band.y; y++) {
         __global const int *winners = other + (long)y * width;
         for (int left = 0; left < width; left += HELD) {

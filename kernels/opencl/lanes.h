@@ -6,9 +6,12 @@
 #endif
 // Put before a short loop over private vectors, which then stay in registers; PoCL leaves loops as they are.
 #define UNROLL _Pragma("unroll")
-#define BLOCK 128 // columns that a work-item takes at a time
+#define BLOCK (32 * LANES) // columns that a work-item takes at a time: long runs of memory, short enough for the cache
 typedef float lanes __attribute__((ext_vector_type(LANES), aligned(4)));
 typedef int int_lanes __attribute__((ext_vector_type(LANES), aligned(4)));
+// For private arrays, whose whole vectors then lie in one line of the cache each.
+#define ALIGNED __attribute__((aligned(4 * LANES)))
+typedef char char_lanes __attribute__((ext_vector_type(LANES)));
 typedef uchar uchar_lanes __attribute__((ext_vector_type(LANES), aligned(1)));
 
 // 0, 1, 2 ... from the first lane on.
@@ -86,33 +89,29 @@ inline void store_reasons(__global uchar *row, int x, int width, int_lanes reaso
 // The lanes without their signs.
 inline lanes magnitude(lanes v) { return __builtin_astype(__builtin_astype(v, int_lanes) & 0x7fffffff, lanes); }
 
-// All lanes or'ed together: whether any lane of a comparison holds.
-inline int any_lane(int_lanes holds)
-{
-#if !defined(__AVX2__)
-    // Oclgrind 21.10 cannot follow the other way.
-    int any = 0;
-    for (int k = 0; k < LANES; k++) any |= holds[k];
-    return any;
-#else
-#if LANES == 16
-    int8 some = holds.lo | holds.hi;
-#else
-    int8 some = holds;
-#endif
-    int4 few = some.lo | some.hi;
-    int2 two = few.lo | few.hi;
-    return two.x | two.y;
-#endif
-}
-
 // One bit a lane of a comparison that holds, the first lane's lowest.
 inline int bits_of(int_lanes holds)
 {
 #if LANES == 16
     int_lanes bits = {1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768};
+    int8 some = (holds & bits).lo | (holds & bits).hi;
 #else
     int_lanes bits = {1, 2, 4, 8, 16, 32, 64, 128};
+    int8 some = holds & bits;
 #endif
-    return any_lane(holds & bits);
+    int4 few = some.lo | some.hi;
+    int2 two = few.lo | few.hi;
+    return two.x | two.y;
+}
+
+// Whether any lane of a comparison holds.
+inline int any_lane(int_lanes holds)
+{
+    char_lanes narrow = __builtin_convertvector(holds, char_lanes);
+#if LANES == 16
+    ulong2 halves = __builtin_astype(narrow, ulong2);
+    return (halves.x | halves.y) != 0;
+#else
+    return __builtin_astype(narrow, ulong) != 0;
+#endif
 }

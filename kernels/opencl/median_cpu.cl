@@ -54,21 +54,20 @@ INLINE lanes middle_of_49(lanes *v)
     return v[24];
 }
 
-// The values of LANES windows side by side. Where any has no value, missing ones count in turn as lowest and
+// The median of LANES windows side by side. Where any has no value, missing ones count in turn as lowest and
 // highest, so that the middle of the whole window is the median of the rest.
-#define GATHER(size) \
+#define MEDIAN(middle, size) \
     lanes v[(size) * (size)]; \
-    UNROLL \
-    for (int k = 0; k < (size) * (size); k++) v[k] = *(lanes *)(ring[k / (size)] + x + k % (size)); \
-    if (gaps) { \
+    UNROLL for (int k = 0; k < (size) * (size); k++) v[k] = *(lanes *)(ring[k / (size)] + x + k % (size)); \
+    if (gap) { \
         int_lanes filler = (int_lanes)(as_int(-INFINITY)); \
-        UNROLL \
-        for (int k = 0; k < (size) * (size); k++) { \
+        UNROLL for (int k = 0; k < (size) * (size); k++) { \
             int_lanes missing = v[k] != v[k]; \
             v[k] = missing ? __builtin_astype(filler, lanes) : v[k]; \
             filler = missing ? filler ^ (int_lanes)(1 << 31) : filler; \
         } \
-    }
+    } \
+    result = middle(v);
 
 // Median over size x size (3, 5 or 7) neighbours that have a value; of an even number the lower one.
 // A pixel without a value stays without.
@@ -83,40 +82,55 @@ __kernel void median(
 {
     int2 band = band_of_rows(height);
     int radius = size / 2;
-    float ring[LARGEST][BLOCK + LARGEST - 1 + LANES];
-    int incomplete[LARGEST];
+    float ring[LARGEST][BLOCK + LANES] ALIGNED;
+    float low[BLOCK + LANES] ALIGNED, middle[BLOCK + LANES] ALIGNED, high[BLOCK + LANES] ALIGNED; // of columns of three
+    ulong incomplete[LARGEST]; // one bit a vector of a row in the ring
     for (int start = 0; start < width; start += BLOCK) {
-        int columns = start + BLOCK < width ? BLOCK : width - start;
+        int columns = start + BLOCK < width ? BLOCK : width - start, used = columns + 2 * radius;
         for (int y = band.x - radius; y < band.y + radius; y++) {
-            int entering = (y - band.x + radius) % size, gaps = 0;
+            int entering = (y - band.x + radius) % size;
             float *line = ring[entering];
             if (y >= 0 && y < height) {
-                load_line(line, disparity + (long)y * width, start - radius, columns + 2 * radius, width, 0);
-                int_lanes missing = (int_lanes)(0);
-                for (int k = 0; k < columns + 2 * radius; k += LANES)
-                    missing |= *(lanes *)(line + k) != *(lanes *)(line + k);
-                incomplete[entering] = any_lane(missing);
+                load_line(line, disparity + (long)y * width, start - radius, used, width, 0);
             } else {
-                for (int k = 0; k < columns + 2 * radius; k += LANES) *(lanes *)(line + k) = (lanes)(NAN);
-                incomplete[entering] = 1;
+                for (int k = 0; k < used; k += LANES) *(lanes *)(line + k) = (lanes)(NAN);
             }
+            ulong gaps = 0;
+            for (int k = 0; k < used; k += LANES)
+                gaps |= (ulong)any_lane(*(lanes *)(line + k) != *(lanes *)(line + k)) << (k / LANES);
+            incomplete[entering] = gaps;
             if (y < band.x + radius) continue;
             for (int k = 0; k < size; k++) gaps |= incomplete[k];
+            for (int k = 0; size == 3 && k < used; k += LANES) {
+                lanes v[3] = {*(lanes *)(ring[0] + k), *(lanes *)(ring[1] + k), *(lanes *)(ring[2] + k)};
+                O(0, 1) O(1, 2) O(0, 1)
+                *(lanes *)(low + k) = v[0];
+                *(lanes *)(middle + k) = v[1];
+                *(lanes *)(high + k) = v[2];
+            }
             float *centre = ring[(entering + size - radius) % size] + radius;
             __global float *row_out = disparity_out + (long)(y - radius) * width;
-            for (int x = 0; x < columns; x += LANES) {
-                lanes value = *(lanes *)(centre + x), middle;
-                if (size == 3) {
-                    GATHER(3)
-                    middle = middle_of_9(v);
+            for (int x = 0; x < columns; x += LANES, gaps >>= 1) {
+                lanes value = *(lanes *)(centre + x), result;
+                int gap = (gaps & 3) != 0;
+                if (size == 3 && !gap) {
+                    lanes v[9];
+                    UNROLL for (int k = 0; k < 3; k++) {
+                        v[k] = *(lanes *)(low + x + k);
+                        v[3 + k] = *(lanes *)(middle + x + k);
+                        v[6 + k] = *(lanes *)(high + x + k);
+                    }
+                    // The middle one of the highest low, the middle one of the middles, and the lowest high.
+                    O(0, 1) O(1, 2) O(3, 4) O(4, 5) O(3, 4) O(6, 7) O(6, 8) O(2, 4) O(4, 6) O(2, 4)
+                    result = v[4];
+                } else if (size == 3) {
+                    MEDIAN(middle_of_9, 3)
                 } else if (size == 5) {
-                    GATHER(5)
-                    middle = middle_of_25(v);
+                    MEDIAN(middle_of_25, 5)
                 } else {
-                    GATHER(7)
-                    middle = middle_of_49(v);
+                    MEDIAN(middle_of_49, 7)
                 }
-                store_lanes(row_out, start + x, width, value == value ? middle : value);
+                store_lanes(row_out, start + x, width, value == value ? result : value);
             }
         }
     }

@@ -44,8 +44,8 @@ __kernel void window_norms(
     int size = 2 * radius + 1;
     float count = (float)(size * size);
     // Whole numbers under 2^24, which floats hold exactly, and for the prefix sums under 2^31.
-    float totals[WIDEST], squares[WIDEST], entering[WIDEST], leaving[WIDEST];
-    int total_before[LANES + WIDEST], square_before[LANES + WIDEST];
+    float totals[WIDEST] ALIGNED, squares[WIDEST] ALIGNED, entering[WIDEST] ALIGNED, leaving[WIDEST] ALIGNED;
+    int total_before[LANES + WIDEST] ALIGNED, square_before[LANES + WIDEST] ALIGNED;
     total_before[LANES - 1] = square_before[LANES - 1] = 0;
     for (int start = 0; start < width; start += BLOCK) {
         int columns = start + BLOCK < width ? BLOCK : width - start, used = columns + 2 * radius;
