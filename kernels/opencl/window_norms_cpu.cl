@@ -46,7 +46,8 @@ __kernel void window_norms(
     // Whole numbers under 2^24, which floats hold exactly, and for the prefix sums under 2^31.
     float totals[WIDEST] ALIGNED, squares[WIDEST] ALIGNED, entering[WIDEST] ALIGNED, leaving[WIDEST] ALIGNED;
     int total_before[LANES + WIDEST] ALIGNED, square_before[LANES + WIDEST] ALIGNED;
-    total_before[LANES - 1] = square_before[LANES - 1] = 0;
+    // The last lanes of a block may lie beyond its windows; what is computed there is not used.
+    for (int k = 0; k < LANES + WIDEST; k++) total_before[k] = square_before[k] = 0;
     for (int start = 0; start < width; start += BLOCK) {
         int columns = start + BLOCK < width ? BLOCK : width - start, used = columns + 2 * radius;
         int inside = start >= radius && start - radius + used + LANES <= width;
