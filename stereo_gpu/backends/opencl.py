@@ -104,6 +104,8 @@ class OpenCLBackend(Backend):
         self._context = cl.Context([device])
         self._queue = cl.CommandQueue(self._context, properties=cl.command_queue_properties.PROFILING_ENABLE)
         self._events: list[tuple[str, cl.Event]] | None = None
+        self._simulated = oclgrind.is_oclgrind(device)
+        self._kept: list[cl.Buffer] = []
         self._kernels: dict[tuple[str, str], cl.Kernel] = {}
         self._scratch: cl.Buffer | None = None
         # A kernel object holds its arguments, so setting them and the launch must not be split by a thread.
@@ -122,7 +124,7 @@ class OpenCLBackend(Backend):
 
     def zeros(self, shape: tuple[int, ...], dtype: DTypeLike) -> DeviceArray:
         """Make an array of zeros on the device."""
-        if oclgrind.is_oclgrind(self._device):
+        if self._simulated:
             return self.upload(np.zeros(shape, dtype))
         array = self.empty(shape, dtype)
         cl.enqueue_fill_buffer(self._queue, array.handle, np.uint8(0), 0, array.handle.size)
@@ -198,7 +200,10 @@ class OpenCLBackend(Backend):
 
     def _buffer(self, size: int) -> cl.Buffer:
         try:
-            return cl.Buffer(self._context, cl.mem_flags.READ_WRITE, max(size, 4))
+            buffer = cl.Buffer(self._context, cl.mem_flags.READ_WRITE, max(size, 4))
+            if self._simulated:
+                self._kept.append(buffer)
+            return buffer
         except (cl.Error, MemoryError) as error:
             raise MemoryLimitError(
                 f"{self.device} cannot give {size:,} bytes ({_first_line(error)}): use a smaller picture or range"
@@ -206,14 +211,15 @@ class OpenCLBackend(Backend):
 
     def _kernel(self, kernel: str, pixel: str) -> cl.Kernel:
         if (kernel, pixel) not in self._kernels:
-            text, simulated = source(kernel, self.form), oclgrind.is_oclgrind(self._device)
+            text = source(kernel, self.form)
             options = ["-cl-std=CL1.2", *pocl.build_options(self._device), *([f"-DPIXEL={pixel}"] if pixel else [])]
-            if simulated:
+            if self._simulated:
                 text, options = oclgrind.PRELUDE + text, [*options, *oclgrind.BUILD_OPTIONS]
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", cl.CompilerWarning)
                 try:
-                    program = cl.Program(self._context, text).build(options, cache_dir=False if simulated else None)
+                    program = cl.Program(self._context, text)
+                    program = program.build(options, cache_dir=False if self._simulated else None)
                     self._kernels[kernel, pixel] = cl.Kernel(program, kernel)
                 except cl.Error as error:
                     failure = BackendError(f"kernel {kernel} does not compile on {self.device}: {_first_line(error)}")
