@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-# The same constants as in opencl/ncc_wta_cpu.cl, whose work-item holds this much scratch.
+# The same constants as in warp/ncc_wta_cpu.py, whose work-item holds so much scratch.
 BLOCK, TILE, LANES = 64, 16, 16
-# The same as in opencl/aggregate_cpu.cl.
+# The same as in the forms of aggregate for CPUs.
 PAD = 4
 
 # Kernels whose Warp form for CPUs gives each work-item a row.
-ROWS = frozenset({"consistency", "grey", "median", "smooth", "support"})
+ROWS = frozenset({"consistency", "grey", "median", "rectify", "slant", "smooth", "support"})
 # Kernels whose OpenCL form for CPUs gives each work-item a band of rows.
 BANDED = frozenset({"consistency", "fill", "grey", "median", "rectify", "slant", "smooth", "support", "triangulate"})
 
