@@ -78,7 +78,7 @@ __kernel void consistency(
                     int_lanes inside = u < 0 ? (int_lanes)(0) : u;
                     *(int_lanes *)(places + k) = inside < width ? inside : (int_lanes)(width - 1);
                 }
-                for (int k = 0; k < columns; k++) keys[k] = winners[places[k]];
+                for (int k = 0; k < (columns + LANES - 1) / LANES * LANES; k++) keys[k] = winners[places[k]];
                 for (int k = 0; k < columns; k += LANES) {
                     lanes value = *(lanes *)(values + k);
                     int_lanes key = *(int_lanes *)(keys + k), u = partner(value, counting + (start + k), direction);
