@@ -14,7 +14,8 @@ PAD = 4
 # Kernels whose Warp form for CPUs gives each work-item a row.
 ROWS = frozenset({"consistency", "grey", "median", "rectify", "slant", "smooth", "support"})
 # Kernels whose OpenCL form for CPUs gives each work-item a band of rows.
-BANDED = frozenset({"consistency", "fill", "grey", "median", "rectify", "slant", "smooth", "support", "triangulate"})
+BANDED = frozenset(
+    {"confidence", "consistency", "fill", "grey", "median", "rectify", "slant", "smooth", "support", "triangulate"})
 
 
 # The same as in the forms for GPUs, ncc_wta: disparities and columns of a work-group.
@@ -57,13 +58,8 @@ def geometry(kernel: str, language: str, form: str, arguments: Mapping[str, Any]
         units: compute units of the device (cores of a CPU).
     """
     width, height = arguments.get("width", 1), arguments.get("height", 1)
-    if kernel == "ncc_wta" and form == "gpu" and language == "opencl":
-        group, columns = GROUPS[language]
-        tiles = -(-width // columns)
-        # About 32 groups a compute unit keep a GPU busy; every strip sums up its first window anew.
-        rows = _rows_a_strip(height, max(4, 32 * units // tiles))
-        record = RECORD * width * height if arguments["disparities"] > group else 1
-        return Geometry((tiles * group, -(-height // rows)), {"rows": rows}, record, group=group)
+    if form == "gpu" and kernel == "ncc_wta":
+        return _ncc_wta_on_gpu(language, width, height, units)
     if kernel == "cover":
         return Geometry((arguments["triangles"],), whole=True)
     if kernel == "bake":
@@ -110,12 +106,17 @@ def geometry(kernel: str, language: str, form: str, arguments: Mapping[str, Any]
         sums, keys = padded * (columns + 1), TILE * (padded + 2 * (TILE + LANES))
         floats = sums + keys + 7 * span + 2 * BLOCK + (2 * TILE + 1) * LANES + 2 * TILE
         return Geometry((strips,), {"rows": rows}, strips * floats + LANES)
-    if kernel == "ncc_wta":
-        # Enough columns x strips to fill a large GPU, few enough that the scratch stays small.
-        rows = _rows_a_strip(height, max(1, 65536 // width) if units > 1 else 1)
-        strips = -(-height // rows)
-        return Geometry((width, strips), {"rows": rows}, strips * arguments["disparities"] * width)
     return Geometry((width, height))
+
+
+def _ncc_wta_on_gpu(language: str, width: int, height: int, units: int) -> Geometry:
+    group, columns = GROUPS[language]
+    tiles = -(-width // columns)
+    # About 2048 work-items a compute unit keep a GPU busy; every strip sums up its first window anew.
+    rows = _rows_a_strip(height, max(4, 2048 // group * units // tiles))
+    strips = -(-height // rows)
+    size = (tiles * group, strips) if language == "opencl" else (group, tiles * strips)
+    return Geometry(size, {"rows": rows}, RECORD * width * height, group=group)
 
 
 def _rows_a_strip(height: int, strips: int) -> int:

@@ -20,7 +20,7 @@ inline int score_level(float score, int bits) { return (int)(score * score_scale
 inline int winner_key(int level, int i, int bits) { return level * (1 << bits) + ((1 << bits) - 1 - i); }
 
 // The index in a key; the key must not be 0, which says that there is no match.
-inline int key_index(int key, int bits) { return (1 << bits) - 1 - key % (1 << bits); }
+inline int key_index(int key, int bits) { return ~key & ((1 << bits) - 1); }
 
 // What is known after the levels so far: the best one, its place and neighbours, and the runner-up, which is the
 // highest level more than one place away from it. earlier is the highest of all but the last one.
@@ -51,26 +51,6 @@ inline void see(Peaks *peaks, int level, int i)
     }
     peaks->earlier = peaks->last > peaks->earlier ? peaks->last : peaks->earlier;
     peaks->last = positive;
-}
-
-// What is known after two runs of levels, the second one beginning at index start with the level first; later is
-// the highest level of the second run but that one.
-inline Peaks joined(Peaks one, Peaks two, int start, int first, int later)
-{
-    Peaks peaks = one;
-    if (two.best > one.best) {
-        peaks = two;
-        int at_start = two.index == start, beyond = at_start ? one.earlier : one.best;
-        if (at_start) peaks.before = one.last;
-        peaks.runner = two.runner > beyond ? two.runner : beyond;
-    } else {
-        int at_end = one.index == start - 1, beyond = at_end ? later : two.best;
-        if (at_end) peaks.after = first;
-        peaks.runner = one.runner > beyond ? one.runner : beyond;
-    }
-    peaks.last = two.last;
-    peaks.earlier = one.best > two.earlier ? one.best : two.earlier;
-    return peaks;
 }
 
 // The best level's disparity in px, with a parabola through it and its neighbours where both correlate.

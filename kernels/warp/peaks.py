@@ -40,7 +40,7 @@ def winner_key(level: int, i: int, bits: int) -> int:
 @wp.func
 def key_index(key: int, bits: int) -> int:
     """The index in a key; the key must not be 0, which says that there is no match."""
-    return (1 << bits) - 1 - key % (1 << bits)
+    return ~key & ((1 << bits) - 1)
 
 
 @wp.struct

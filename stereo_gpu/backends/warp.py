@@ -87,6 +87,9 @@ class WarpBackend(Backend):
         self.kind: Kind = "gpu" if self._device.is_cuda else "cpu"
         self.driver, self.compiler = _software(self.kind)
         self.form: Kind = form or self.kind
+        if self.form != self.kind:
+            # Runs the threads of a block in turns, where they wait for each other.
+            wp.config.enable_cpu_blocks = True
         self._times: list[tuple[str, Any]] | None = None
         self._scratch: wp.array | None = None
         self._lock = threading.Lock()
