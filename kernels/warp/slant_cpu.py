@@ -29,10 +29,6 @@ def leaning_nccs(
     Pixels whose own disparity is further than SAME_SURFACE from the plane belong to another surface. 0 where
     the window is flat or holds less than a third of its pixels: a handful correlates with anything.
     """
-    # Arrays whose elements are known to lie side by side are faster to read.
-    ours = wp.array(ptr=reference.ptr, shape=(1,), dtype=float)
-    theirs = wp.array(ptr=other.ptr, shape=(1,), dtype=float)
-    given = wp.array(ptr=disparity.ptr, shape=(1,), dtype=float)
     count = float(0.0)
     sum_a = float(0.0)
     sum_aa = float(0.0)
@@ -41,11 +37,12 @@ def leaning_nccs(
     sum_ab = wp.vec3()
     for j in range(-radius, radius + 1):
         row = wp.clamp(y + j, 0, height - 1) * width
-        for i in range(-radius, radius + 1):
+        i = int(-radius)
+        while i <= radius:
             at = row + wp.clamp(x + i, 0, width - 1)
             surface = plane[0] + plane[1] * float(i) + plane[2] * float(j)
-            if wp.abs(given[at] - surface) <= SAME_SURFACE:
-                a = ours[at]
+            if wp.abs(disparity[at] - surface) <= SAME_SURFACE:
+                a = reference[at]
                 count += 1.0
                 sum_a += a
                 sum_aa += a * a
@@ -54,11 +51,17 @@ def leaning_nccs(
                     left = wp.floor(u)
                     share = u - left
                     column = int(left)
-                    b = theirs[row + wp.clamp(column, 0, width - 1)] * (1.0 - share)
-                    b += theirs[row + wp.clamp(column + 1, 0, width - 1)] * share
+                    # Few windows reach the edge: a test is cheaper than two clamps.
+                    beside = row + column
+                    next_one = beside + 1
+                    if column < 0 or column >= width - 1:
+                        beside = row + wp.clamp(column, 0, width - 1)
+                        next_one = row + wp.clamp(column + 1, 0, width - 1)
+                    b = other[beside] * (1.0 - share) + other[next_one] * share
                     sum_b[k] += b
                     sum_bb[k] += b * b
                     sum_ab[k] += a * b
+            i += 1
     window = float((2 * radius + 1) * (2 * radius + 1))
     result = wp.vec3()
     for k in range(3):
@@ -91,6 +94,10 @@ def slant(
     the NCC there; where it is under SURE noise would decide, and the plane stands.
     """
     y = wp.tid()
+    # Arrays whose elements are known to lie side by side are faster to read.
+    ours = wp.array(ptr=reference.ptr, shape=(1,), dtype=float)
+    theirs = wp.array(ptr=other.ptr, shape=(1,), dtype=float)
+    given = wp.array(ptr=disparity.ptr, shape=(1,), dtype=float)
     for x in range(width):
         pixel = y * width + x
         value = disparity[pixel]
@@ -98,11 +105,11 @@ def slant(
         score_out[pixel] = 0.0
         if wp.isnan(value):
             continue
-        along_x = slope(disparity, y * width, x, width, 1, largest_slope)
-        along_y = slope(disparity, x, y, height, width, largest_slope)
-        plane = fit_plane(disparity, x, y, along_x, along_y, width, height)
+        along_x = slope(given, y * width, x, width, 1, largest_slope)
+        along_y = slope(given, x, y, height, width, largest_slope)
+        plane = fit_plane(given, x, y, along_x, along_y, width, height)
         way = float(direction)
-        scores = leaning_nccs(reference, other, disparity, x, y, plane, step, width, height, radius, way)
+        scores = leaning_nccs(ours, theirs, given, x, y, plane, step, width, height, radius, way)
         below = scores[0]
         here = scores[1]
         above = scores[2]
