@@ -15,7 +15,8 @@ PAD = 4
 ROWS = frozenset({"consistency", "grey", "median", "rectify", "slant", "smooth", "support"})
 # Kernels whose OpenCL form for CPUs gives each work-item a band of rows.
 BANDED = frozenset(
-    {"confidence", "consistency", "fill", "grey", "median", "rectify", "slant", "smooth", "support", "triangulate"})
+    {"confidence", "consistency", "fill", "grey", "median", "rectify", "slant", "smooth", "support", "triangulate"}
+)
 
 
 # The same as in the forms for GPUs, ncc_wta: disparities and columns of a work-group.

@@ -290,3 +290,23 @@ def test_fill_mirrors(backend):
     mirrored = refined(backend, "fill", values[:, ::-1], validity[:, ::-1], reach=20, tolerance=2.0)
     for one, two in zip(plain, mirrored, strict=True):
         np.testing.assert_array_equal(one, two[:, ::-1])
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("weight", [0.0, 1.0])
+def test_confidence(backend, shape, weight):
+    rng = np.random.default_rng(8)
+    score, ratio = (rng.uniform(-0.2, 1.2, shape).astype(np.float32) for _ in range(2))
+    validity = (rng.random(shape) < 0.2).astype(np.uint8)
+    out = junk(backend, shape, np.float32)
+    backend.launch(
+        "confidence",
+        score=backend.upload(score),
+        ratio=backend.upload(ratio),
+        validity=backend.upload(validity),
+        width=shape[1],
+        height=shape[0],
+        weight=weight,
+        confidence_out=out,
+    )
+    np.testing.assert_allclose(backend.download(out), reference.confidence(score, ratio, validity, weight), atol=1e-6)

@@ -47,8 +47,7 @@ __kernel void consistency(
     // How far from a pixel the columns lie that may point back at it.
     int one = direction * smallest, two = direction * (smallest + disparities - 1);
     int nearest = one < two ? one : two, farthest = one < two ? two : one;
-    int_lanes counting;
-    for (int j = 0; j < LANES; j++) counting[j] = j;
+    int_lanes counting = lane_numbers();
     int places[BLOCK] ALIGNED, keys[BLOCK] ALIGNED;
     float values[BLOCK] ALIGNED;
     uchar pointed_at[HELD + LANES] ALIGNED; // and one place for those that point elsewhere
