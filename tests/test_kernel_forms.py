@@ -1,74 +1,120 @@
-"""Kernels that have a form for GPUs and one for CPUs: both give the same bits, in both languages, on the CPU."""
+"""The form of a kernel for CPUs gives the same answer, to the last bit, as the form for GPUs, on any OpenCL device."""
 
-from functools import cache
-
+import cv2
 import numpy as np
 import pytest
 from conftest import missing
-from test_matching_kernels import junk, prepared, winners
 
+from stereo_gpu.backends.opencl import open_device
 from stereo_gpu.errors import BackendError
 
+SIZES = [(1, 1), (3, 2), (17, 5), (47, 31), (150, 9)]
 
-@cache
-def opened(name, form):
+
+@pytest.fixture(scope="module")
+def forms():
     try:
-        if name == "opencl":
-            from stereo_gpu.backends import opencl
-
-            return opencl.open_device("", form)
-        from stereo_gpu.backends import warp
-
-        return warp.WarpBackend("cpu", form)
-    except (BackendError, ImportError) as error:
-        missing(name, str(error))
+        return open_device("", "gpu"), open_device("", "cpu")
+    except BackendError as error:
+        missing("opencl", str(error))
 
 
-def pictures(shape, levels, seed):
-    """Two pictures of so many grey levels; few make equal scores common."""
-    rng = np.random.default_rng(seed)
-    step = 255 // (levels - 1)
-    return [(rng.integers(0, levels, shape) * step - 128).astype(np.float32) for _ in range(2)]
+def assert_same(forms, kernel, outputs, **arguments):
+    """Launch both forms on the same input, with `outputs` by their name as they are beforehand."""
+    results = []
+    for backend in forms:
+        held = {k: backend.upload(v) if isinstance(v, np.ndarray) else v for k, v in arguments.items()}
+        out = {name: backend.upload(array) for name, array in outputs.items()}
+        backend.launch(kernel, **held, **out)
+        results.append({name: backend.download(array) for name, array in out.items()})
+    for name, array in results[0].items():
+        np.testing.assert_array_equal(array, results[1][name], err_msg=name)
+    return results[0]
 
 
-def downloaded(backend, out):
-    return {name: backend.download(array) for name, array in out.items()}
+def junk(shape, dtype):
+    return np.full(shape, 77, dtype)
 
 
-# Chunks of disparities end within, at and next to winners, and strips within windows.
-@pytest.mark.parametrize(
-    ("shape", "smallest", "disparities", "size", "direction", "levels"),
-    [
-        ((40, 90), 0, 64, 11, 1, 256),
-        ((40, 90), -20, 65, 3, -1, 2),
-        ((23, 150), -64, 129, 5, 1, 2),
-        ((37, 61), -100, 200, 31, -1, 3),
-        ((20, 300), -60, 257, 7, 1, 2),
-        ((5, 40), -500, 1000, 9, -1, 2),
-        ((1, 1), 0, 130, 11, 1, 256),
-        ((2, 900), 100, 128, 31, 1, 256),
-    ],
-)
-@pytest.mark.parametrize("name", ["opencl", "warp:cpu"])
-def test_ncc_wta(name, shape, smallest, disparities, size, direction, levels):
-    ref, oth = pictures(shape, levels, disparities)
-    mask = np.ones(shape, np.uint8)
-    mask[: shape[0] // 4, : shape[1] // 3] = 0
-    numbers = {"width": shape[1], "height": shape[0], "smallest": smallest, "disparities": disparities}
-    numbers["direction"] = direction
-    found = []
-    for form in ("gpu", "cpu"):
-        backend = opened(name, form)
-        arrays, validity = prepared(backend, ref, oth, mask, size // 2, 1.0)
-        fused, apart = winners(backend, shape), winners(backend, shape)
-        numbers["radius"] = size // 2
-        backend.launch("ncc_wta", **arrays, validity=validity, **numbers, subpixel=1, **fused)
-        volume = junk(backend, (*shape, disparities), np.float32)
-        backend.launch("ncc_volume", **arrays, **numbers, volume_out=volume)
-        del numbers["radius"]
-        backend.launch("wta", volume=volume, validity=validity, **numbers, subpixel=1, **apart)
-        found += [downloaded(backend, fused), downloaded(backend, apart)]
-    for other in found[1:]:
-        for array, values in found[0].items():
-            np.testing.assert_array_equal(values, other[array], err_msg=array)
-    assert np.isfinite(found[0]["disparity_out"]).any() or shape == (1, 1)
+def rows_of_hills(width, height):
+    """A map with slopes, a jump and holes."""
+    rng = np.random.default_rng(5)
+    x, y = np.meshgrid(np.arange(width), np.arange(height))
+    values = (2 + 0.1 * x + 0.3 * y + 5 * (x > 2 * width / 3) + rng.uniform(-0.4, 0.4, x.shape)).astype(np.float32)
+    values[rng.random(values.shape) < 0.1] = np.nan
+    values[height // 2 :, : width // 4] = np.nan
+    return values
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize("terms", [slice(0, 5), slice(0, 12), slice(2, 4), slice(5, 8)])
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("source", [(41, 29), (1, 4), (2, 2)])
+def test_rectify(forms, dtype, channels, terms, size, source):
+    (width, height), (source_width, source_height) = size, source
+    rng = np.random.default_rng(1)
+    coefficients = np.zeros(12)
+    coefficients[terms] = np.array([0.3, -0.1, 0.02, -0.01, 0.05, 0.5, -0.1, 0.04, 0.01, -0.005, 0.004, 0.002])[terms]
+    lens = np.array([source_width, source_height, source_width / 2, source_height / 2, *coefficients])
+    # The rectified picture reaches beyond the raw one, and its rightmost rays point backwards.
+    ray = np.array([[1.7 / width, 0.05, -0.8], [0.02, 1.6 / height, -0.8], [-1.1 / width, 0.0, 1.0]])
+    seen = assert_same(
+        forms,
+        "rectify",
+        {"rectified_out": junk((height, width, channels), dtype), "valid_out": junk((height, width), np.uint8)},
+        picture=rng.integers(0, np.iinfo(dtype).max + 1, (source_height, source_width, channels)).astype(dtype),
+        lens=lens.astype(np.float32),
+        ray=ray.astype(np.float32),
+        source_width=source_width,
+        source_height=source_height,
+        channels=channels,
+        width=width,
+        height=height,
+    )["valid_out"]
+    assert set(np.unique(seen)) == {0, 1} or source != (41, 29) or min(size) < 5
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize("size", SIZES)
+def test_triangulate(forms, direction, size):
+    width, height = size
+    points = assert_same(
+        forms,
+        "triangulate",
+        {"points_out": junk((height, width, 3), np.float32)},
+        disparity=rows_of_hills(width, height) - 4,
+        width=width,
+        height=height,
+        direction=direction,
+        focal_px=612.5,
+        baseline=99.8,
+        cx_left=20.25,
+        cx_right=17.5,
+        cy=14.125,
+    )["points_out"]
+    assert np.isnan(points).any()
+
+
+@pytest.mark.parametrize("step", [0.5, 0.125, 0.75])
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize("size", SIZES)
+def test_slant(forms, step, direction, size):
+    width, height = size
+    texture = np.random.default_rng(2).normal(0, 60, (2, height, width))
+    reference, other = (np.round(cv2.GaussianBlur(t, (0, 0), 1.0) * 3).astype(np.float32) for t in texture)
+    scores = assert_same(
+        forms,
+        "slant",
+        {"disparity_out": junk((height, width), np.float32), "score_out": junk((height, width), np.float32)},
+        reference=reference,
+        other=other,
+        disparity=rows_of_hills(width, height),
+        width=width,
+        height=height,
+        radius=4,
+        direction=direction,
+        step=step,
+        largest_slope=1.5,
+    )["score_out"]
+    assert scores.max() > 0.1 or min(size) < 9

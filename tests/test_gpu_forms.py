@@ -1,0 +1,74 @@
+"""The forms of kernels for GPUs give the same bits as the forms for CPUs, in both languages, on the CPU."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+from conftest import missing
+from test_matching_kernels import junk, prepared, winners
+
+from stereo_gpu.errors import BackendError
+
+
+@cache
+def opened(name, form):
+    try:
+        if name == "opencl":
+            from stereo_gpu.backends import opencl
+
+            return opencl.open_device("", form)
+        from stereo_gpu.backends import warp
+
+        return warp.WarpBackend("cpu", form)
+    except (BackendError, ImportError) as error:
+        missing(name, str(error))
+
+
+def pictures(shape, levels, seed):
+    """Two pictures of so many grey levels; few make equal scores common."""
+    rng = np.random.default_rng(seed)
+    step = 255 // (levels - 1)
+    return [(rng.integers(0, levels, shape) * step - 128).astype(np.float32) for _ in range(2)]
+
+
+def downloaded(backend, out):
+    return {name: backend.download(array) for name, array in out.items()}
+
+
+# Chunks of disparities end within, at and next to winners, and strips within windows.
+@pytest.mark.parametrize(
+    ("shape", "smallest", "disparities", "size", "direction", "levels"),
+    [
+        ((40, 90), 0, 64, 11, 1, 256),
+        ((40, 90), -20, 65, 3, -1, 2),
+        ((23, 150), -64, 129, 5, 1, 2),
+        ((37, 61), -100, 200, 31, -1, 3),
+        ((20, 300), -60, 257, 7, 1, 2),
+        ((5, 40), -500, 1000, 9, -1, 2),
+        ((1, 1), 0, 130, 11, 1, 256),
+        ((2, 900), 100, 128, 31, 1, 256),
+    ],
+)
+@pytest.mark.parametrize("name", ["opencl", "warp:cpu"])
+def test_ncc_wta(name, shape, smallest, disparities, size, direction, levels):
+    ref, oth = pictures(shape, levels, disparities)
+    mask = np.ones(shape, np.uint8)
+    mask[: shape[0] // 4, : shape[1] // 3] = 0
+    numbers = {"width": shape[1], "height": shape[0], "smallest": smallest, "disparities": disparities}
+    numbers["direction"] = direction
+    found = []
+    for form in ("gpu", "cpu"):
+        backend = opened(name, form)
+        arrays, validity = prepared(backend, ref, oth, mask, size // 2, 1.0)
+        fused, apart = winners(backend, shape), winners(backend, shape)
+        numbers["radius"] = size // 2
+        backend.launch("ncc_wta", **arrays, validity=validity, **numbers, subpixel=1, **fused)
+        volume = junk(backend, (*shape, disparities), np.float32)
+        backend.launch("ncc_volume", **arrays, **numbers, volume_out=volume)
+        del numbers["radius"]
+        backend.launch("wta", volume=volume, validity=validity, **numbers, subpixel=1, **apart)
+        found += [downloaded(backend, fused), downloaded(backend, apart)]
+    for other in found[1:]:
+        for array, values in found[0].items():
+            np.testing.assert_array_equal(values, other[array], err_msg=array)
+    assert np.isfinite(found[0]["disparity_out"]).any() or shape == (1, 1)
