@@ -12,7 +12,7 @@ BLOCK, TILE, LANES = 64, 16, 16
 PAD = 4
 
 # Kernels whose Warp form for CPUs gives each work-item a row.
-ROWS = frozenset({"consistency", "grey", "median", "rectify", "slant", "smooth", "support"})
+ROWS = frozenset({"consistency", "grey", "median", "rectify", "slant", "smooth", "support", "triangulate"})
 # Kernels whose OpenCL form for CPUs gives each work-item a band of rows.
 BANDED = frozenset(
     {"confidence", "consistency", "fill", "grey", "median", "rectify", "slant", "smooth", "support", "triangulate"}
