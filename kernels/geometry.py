@@ -9,7 +9,7 @@ from typing import Any
 # The same constants as in warp/ncc_wta_cpu.py, whose work-item holds so much scratch.
 BLOCK, TILE, LANES = 64, 16, 16
 # The same as in the forms of aggregate for CPUs.
-PAD = 4
+SIDE_BY_SIDE, PAD = 8, 4
 
 # Kernels whose Warp form for CPUs gives each work-item a row.
 ROWS = frozenset({"consistency", "grey", "median", "rectify", "slant", "smooth", "support", "triangulate"})
@@ -67,6 +67,10 @@ def geometry(kernel: str, language: str, form: str, arguments: Mapping[str, Any]
         return Geometry((arguments["texture_width"], arguments["texture_height"]))
     if kernel == "aggregate":
         lines = height if arguments["step_y"] == 0 else width + (height - 1 if arguments["step_x"] else 0)
+        if language == "opencl" and form == "cpu":
+            together = SIDE_BY_SIDE if arguments["step_y"] else 1
+            walled = (-(-arguments["disparities"] // LANES) + 2) * LANES
+            return Geometry((-(-lines // together),), {"lines": lines}, 2 * lines * walled, alone=True)
         return Geometry((lines,), {"lines": lines}, 2 * lines * (arguments["disparities"] + 2 * PAD), alone=True)
     if kernel == "census_volume":
         return Geometry((arguments["disparities"], width, height))

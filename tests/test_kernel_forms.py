@@ -118,3 +118,33 @@ def test_slant(forms, step, direction, size):
         largest_slope=1.5,
     )["score_out"]
     assert scores.max() > 0.1 or min(size) < 9
+
+
+@pytest.mark.parametrize("row_slope", [0, 1, -2])
+@pytest.mark.parametrize("disparities", [1, 8, 16, 37, 64])
+@pytest.mark.parametrize("size", SIZES)
+def test_aggregate(forms, row_slope, disparities, size):
+    width, height = size
+    rng = np.random.default_rng(3)
+    cost = rng.integers(0, 63, (height, width, disparities)).astype(np.uint8)
+    cost[rng.random(cost.shape) < 0.05] = 254
+    cost[height // 3 : height // 2, : width // 2] = 255
+    for step_x, step_y in [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1)]:
+        assert_same(
+            forms,
+            "aggregate",
+            {"volume_out": rng.integers(0, 50, cost.shape).astype(np.float32)},
+            cost=cost,
+            picture=rng.integers(-128, 128, (height, width)).astype(np.float32),
+            width=width,
+            height=height,
+            disparities=disparities,
+            step_x=step_x,
+            step_y=step_y,
+            row_slope=row_slope,
+            small_penalty=9.0,
+            large_penalty=40.0,
+            edge_penalty=20.0,
+            edge=25.0,
+            weight=0.25,
+        )
