@@ -1,0 +1,179 @@
+"""Run the kernel tests on one OpenCL runtime after another, each alone in its own process, and print a table."""
+
+import argparse
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from shutil import which
+
+import pyopencl
+
+ROOT = Path(__file__).parents[1]
+# Both forms of every kernel, and the maps of all profiles.
+TESTS = ["tests/test_limited_devices.py"]
+# Oclgrind interprets: what is large there, or asks a compiler, is left to the others.
+SIMULATED = ["tests/test_limited_devices.py", "--simulated"]
+
+
+@dataclass(frozen=True)
+class Runtime:
+    """One way to run OpenCL kernels on a CPU.
+
+    Args:
+        name: on the command line.
+        title: in the table.
+        platform: part of what the driver calls itself.
+        library: what the ICD loader is to load; None where it is not there.
+        get: how to get it.
+        simulator: the command that runs a program with this runtime, in the place of an ICD.
+    """
+
+    name: str
+    title: str
+    platform: str
+    library: Path | None
+    get: str
+    simulator: str | None = None
+
+    @property
+    def there(self) -> bool:
+        """Whether it can be run."""
+        return bool(self.library or self.simulator)
+
+
+def runtimes() -> list[Runtime]:
+    """The four runtimes, and where they are."""
+    site = Path(pyopencl.__file__).parent
+    system = ["/usr/lib/*/libpocl.so.2", "/usr/lib64/libpocl.so.2", "/usr/lib/libpocl.so.2"]
+    return [
+        Runtime(
+            "pypi-pocl",
+            "PoCL from PyPI",
+            "Portable Computing Language",
+            first(site / ".libs", "libpocl*.so*"),
+            "pip install pocl-binary-distribution",
+        ),
+        Runtime(
+            "system-pocl",
+            "PoCL from Debian",
+            "Portable Computing Language",
+            next((path for pattern in system if (path := first(Path("/"), pattern[1:]))), None),
+            "apt-get install --no-install-recommends libpocl2",
+        ),
+        Runtime(
+            "intel",
+            "Intel's from PyPI",
+            "Intel(R) OpenCL",
+            first(ROOT / ".portability" / "intel" / "lib", "libintelocl.so"),
+            "pip install intel-opencl-rt intel-cmplr-lib-rt in .portability/intel",
+        ),
+        Runtime("oclgrind", "Oclgrind", "Oclgrind", None, "apt-get install oclgrind", which("oclgrind")),
+    ]
+
+
+def first(folder: Path, pattern: str) -> Path | None:
+    """The first file that fits, by name."""
+    return next(iter(sorted(folder.glob(pattern))), None)
+
+
+def command_and_environment(runtime: Runtime, folder: Path, part: str) -> tuple[list[str], dict[str, str]]:
+    """What to put before Python, and the environment, so that the runtime is the only one that it sees."""
+    environment = {
+        k: v for k, v in os.environ.items() if not k.startswith(("OCL_ICD", "OPENCL_", "STEREO_GPU_BACKEND"))
+    }
+    environment["STEREO_GPU_REQUIRE"] = "opencl"
+    if runtime.simulator:
+        checks = ["--data-races", "--uninitialized", "--max-errors", "1000", "--log", str(folder / f"{part}.log")]
+        return [runtime.simulator, *checks], environment
+    assert runtime.library
+    # Not a folder: the loader that comes with pyopencl would add the PoCL that lies beside it.
+    icd = folder / f"{runtime.name}.icd"
+    icd.write_text(f"{runtime.library}\n", "utf-8")
+    environment["OCL_ICD_VENDORS"] = str(icd)
+    environment["LD_LIBRARY_PATH"] = ":".join([str(runtime.library.parent), environment.get("LD_LIBRARY_PATH", "")])
+    return [], environment
+
+
+def device_of(runtime: Runtime, folder: Path) -> str:
+    """Device and driver version in words.
+
+    Raises:
+        RuntimeError: the runtime does not start, or is not the only one there.
+    """
+    before, environment = command_and_environment(runtime, folder, "device")
+    query = (
+        "import pyopencl as cl; found = [d for p in cl.get_platforms() for d in p.get_devices()]; "
+        "print(*(f'{d.platform.name}|{d.name.strip()}|{d.driver_version}' for d in found), sep=chr(10))"
+    )
+    done = subprocess.run([*before, sys.executable, "-c", query], env=environment, capture_output=True, text=True)
+    lines = done.stdout.split("\n")[:-1]
+    if done.returncode or len(lines) != 1 or runtime.platform not in lines[0]:
+        raise RuntimeError((done.stderr.strip().split("\n")[-1] or " and ".join(lines) or "no device")[:100])
+    _, name, version = lines[0].split("|")
+    return f"{name} | {version}"
+
+
+def run_tests(runtime: Runtime, folder: Path, part: str) -> tuple[bool, str]:
+    """Run the tests of one form, or all; whether all passed, and what pytest and Oclgrind say."""
+    before, environment = command_and_environment(runtime, folder, part)
+    selected = [*(SIMULATED if runtime.simulator else TESTS), "-k", part]
+    command = [*before, sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *selected]
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True)
+    counts = ", ".join(re.findall(r"\d+ (?:passed|failed|errors?|skipped)", done.stdout.split("\n")[-2]))
+    good = done.returncode == 0
+    if not good:
+        print(done.stdout[-6000:], done.stderr[-2000:], sep="\n", file=sys.stderr)
+    log = folder / f"{part}.log"
+    said = log.read_text("utf-8", "replace").strip() if log.exists() else ""
+    if runtime.simulator and not log.exists():
+        return False, f"{counts}, Oclgrind wrote no log"
+    if said:
+        print(said[:6000], file=sys.stderr)
+        return False, f"{counts}, Oclgrind reports {said.count('Kernel: ')}"
+    return good, counts or "no test ran"
+
+
+def main() -> int:
+    """Print the table; 1 where a runtime that is there fails, or one that was named is not there."""
+    known = {runtime.name: runtime for runtime in runtimes()}
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="RUNTIME", help=", ".join(known))
+    parser.add_argument("--has", choices=known, help="only tell by the exit status whether a runtime is there")
+    options = parser.parse_args()
+    if options.has:
+        return 0 if known[options.has].there else 1
+    rows, failed = [("runtime", "device | driver", "tests", "seconds")], False
+    for name in options.names or known:
+        runtime = known[name]
+        if not runtime.there:
+            rows.append((runtime.title, "not there", f"tools/portability --install {name} ({runtime.get})", ""))
+            failed |= bool(options.names)
+            continue
+        began = time.monotonic()
+        with tempfile.TemporaryDirectory() as temporary:
+            folder = Path(temporary)
+            try:
+                device = device_of(runtime, folder)
+                # Oclgrind takes minutes: a form a core.
+                parts = ("gpu", "cpu") if runtime.simulator else ("gpu or cpu",)
+                with ThreadPoolExecutor() as pool:
+                    results = list(pool.map(lambda part, r=runtime, f=folder: run_tests(r, f, part), parts))
+                good, said = all(good for good, _ in results), "; ".join(text for _, text in results)
+            except RuntimeError as error:
+                device, good, said = "does not start", False, str(error)
+        failed |= not good
+        rows.append((runtime.title, device, said if good else f"FAILED: {said}", f"{time.monotonic() - began:.0f}"))
+    widths = [max(len(row[i]) for row in rows) for i in range(4)]
+    for row in rows:
+        print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+    return int(failed)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
