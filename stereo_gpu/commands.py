@@ -184,9 +184,9 @@ def bench(options: argparse.Namespace) -> None:
     from functools import partial
 
     from stereo_gpu.bench import SIZES, BenchOptions, check_bench_options, run_bench
-    from stereo_gpu.bench_compare import check_limit, compare, comparison_lines
-    from stereo_gpu.bench_report import report_lines
-    from stereo_gpu.bench_run import BenchRun
+    from stereo_gpu.bench.compare import check_limit, compare, comparison_lines
+    from stereo_gpu.bench.record import BenchRun
+    from stereo_gpu.bench.report import report_lines
     from stereo_gpu.files import check_writable, check_writable_file
 
     wanted = BenchOptions(
@@ -204,7 +204,7 @@ def bench(options: argparse.Namespace) -> None:
     if options.json:
         check_writable_file(options.json)
     if options.plot:
-        from stereo_gpu.bench_plot import check_plotting, write_plots
+        from stereo_gpu.bench.plot import check_plotting, write_plots
 
         check_plotting()
         check_writable(options.plot)

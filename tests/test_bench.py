@@ -8,17 +8,17 @@ import pytest
 import reference
 
 import stereo_gpu.kernels as kernels
-from stereo_gpu import bench_machine
 from stereo_gpu.backends import open_backend
 from stereo_gpu.bench import BenchOptions, run_bench
-from stereo_gpu.bench_cases import KERNELS, MATCHES, YARDSTICKS
-from stereo_gpu.bench_launches import catch_launches, compulsory
-from stereo_gpu.bench_peers import MATCHERS
-from stereo_gpu.bench_report import report_lines
-from stereo_gpu.bench_rows import Peers, time_case
-from stereo_gpu.bench_run import BenchRun, Row
-from stereo_gpu.bench_scene import build_bench_scene, mesh_of
-from stereo_gpu.bench_timing import Times
+from stereo_gpu.bench import machine as bench_machine
+from stereo_gpu.bench.cases import KERNELS, MATCHES, YARDSTICKS
+from stereo_gpu.bench.launches import catch_launches, compulsory
+from stereo_gpu.bench.peers import MATCHERS
+from stereo_gpu.bench.record import BenchRun, Row
+from stereo_gpu.bench.report import report_lines
+from stereo_gpu.bench.rows import Peers, time_case
+from stereo_gpu.bench.scene import build_bench_scene, mesh_of
+from stereo_gpu.bench.timing import Times
 from stereo_gpu.errors import BackendError, InputError
 from stereo_gpu.match import match
 from stereo_gpu.texture import bake_texture

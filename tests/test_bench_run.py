@@ -6,9 +6,9 @@ import json
 import pytest
 from bench_runs import made_up_run
 
-from stereo_gpu.bench_compare import compare, comparison_lines
-from stereo_gpu.bench_report import number, report_lines
-from stereo_gpu.bench_run import BenchRun
+from stereo_gpu.bench.compare import compare, comparison_lines
+from stereo_gpu.bench.record import BenchRun
+from stereo_gpu.bench.report import number, report_lines
 from stereo_gpu.cli import main
 from stereo_gpu.errors import InputError
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from stereo_gpu import bench_timing
-from stereo_gpu.bench_timing import Times, Work, measure
+from stereo_gpu.bench import timing as bench_timing
+from stereo_gpu.bench.timing import Times, Work, measure
 
 
 class Clock:

@@ -9,10 +9,10 @@ from typing import Literal
 
 import numpy as np
 
-from stereo_gpu import bench_peers as peers
 from stereo_gpu.backends import Backend
-from stereo_gpu.bench_peers import Peer
-from stereo_gpu.bench_scene import BenchScene, mesh_of
+from stereo_gpu.bench import peers
+from stereo_gpu.bench.peers import Peer
+from stereo_gpu.bench.scene import BenchScene, mesh_of
 from stereo_gpu.config import PROFILES, MatchOptions, Profile
 from stereo_gpu.device_match import download_disparity, match_on
 from stereo_gpu.prepare import DeviceView, prepare_view

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from stereo_gpu.bench_report import number
-from stereo_gpu.bench_run import OPENCV, BenchRun
+from stereo_gpu.bench.record import OPENCV, BenchRun
+from stereo_gpu.bench.report import number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from stereo_gpu.bench_scene import BenchScene
+from stereo_gpu.bench.scene import BenchScene
 from stereo_gpu.config import PROFILES, Profile
 from stereo_gpu.rectify import plan_rectification
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from stereo_gpu.bench_run import BenchRun, Row
+from stereo_gpu.bench.record import BenchRun, Row
 from stereo_gpu.errors import InputError
 
 LIMIT = 1.15

@@ -11,12 +11,12 @@ import numpy as np
 
 from stereo_gpu.backends import Backend
 from stereo_gpu.backends.contract import host_memory
-from stereo_gpu.bench_cases import KernelCase, ProfileCase, options_of
-from stereo_gpu.bench_launches import catch_launches, compulsory
-from stereo_gpu.bench_peers import STEREO_BM, Peer
-from stereo_gpu.bench_run import OPENCV, Row
-from stereo_gpu.bench_scene import BenchScene
-from stereo_gpu.bench_timing import FEWEST_REPEATS, Measured, Work, measure
+from stereo_gpu.bench.cases import KernelCase, ProfileCase, options_of
+from stereo_gpu.bench.launches import catch_launches, compulsory
+from stereo_gpu.bench.peers import STEREO_BM, Peer
+from stereo_gpu.bench.record import OPENCV, Row
+from stereo_gpu.bench.scene import BenchScene
+from stereo_gpu.bench.timing import FEWEST_REPEATS, Measured, Work, measure
 from stereo_gpu.device_match import check_match_memory
 from stereo_gpu.errors import StereoError
 from stereo_gpu.match import match

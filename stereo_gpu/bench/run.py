@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from stereo_gpu.backends import Backend, devices, open_backend
-from stereo_gpu.bench_cases import KERNELS, MATCHES, KernelCase, ProfileCase
-from stereo_gpu.bench_machine import describe_device, describe_machine
-from stereo_gpu.bench_peers import MATCHERS, STAGES, Peer
-from stereo_gpu.bench_report import device_lines, machine_lines, peer_lines, row_line, size_lines
-from stereo_gpu.bench_rows import YARDSTICK_SHARE, Peers, time_case, time_opencv
-from stereo_gpu.bench_run import BenchRun, Row
-from stereo_gpu.bench_scene import build_bench_scene, check_bench_size
-from stereo_gpu.bench_timing import DROPPED, FEWEST_REPEATS, REPEATS, WARM_UP_SHARE
+from stereo_gpu.bench.cases import KERNELS, MATCHES, KernelCase, ProfileCase
+from stereo_gpu.bench.machine import describe_device, describe_machine
+from stereo_gpu.bench.peers import MATCHERS, STAGES, Peer
+from stereo_gpu.bench.record import BenchRun, Row
+from stereo_gpu.bench.report import device_lines, machine_lines, peer_lines, row_line, size_lines
+from stereo_gpu.bench.rows import YARDSTICK_SHARE, Peers, time_case, time_opencv
+from stereo_gpu.bench.scene import build_bench_scene, check_bench_size
+from stereo_gpu.bench.timing import DROPPED, FEWEST_REPEATS, REPEATS, WARM_UP_SHARE
 from stereo_gpu.errors import BackendError, InputError
 
 SIZES = ((640, 480, 64), (1280, 960, 128), (2560, 1920, 256))

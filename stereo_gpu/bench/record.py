@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from stereo_gpu.bench_machine import DeviceFacts
-from stereo_gpu.bench_timing import Times
+from stereo_gpu.bench.machine import DeviceFacts
+from stereo_gpu.bench.timing import Times
 from stereo_gpu.errors import InputError
 from stereo_gpu.files import write_whole
 

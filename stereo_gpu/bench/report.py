@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from stereo_gpu.bench_machine import DeviceFacts
-from stereo_gpu.bench_run import BenchRun, Row
+from stereo_gpu.bench.machine import DeviceFacts
+from stereo_gpu.bench.record import BenchRun, Row
 
 NAME_WIDTH = 26
 COLUMNS = (

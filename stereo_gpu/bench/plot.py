@@ -6,10 +6,10 @@ import io
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stereo_gpu.bench_figures import INK, draw_peers, draw_speed
-from stereo_gpu.bench_page import page
-from stereo_gpu.bench_roofline import draw_roofline
-from stereo_gpu.bench_run import BenchRun
+from stereo_gpu.bench.figures import INK, draw_peers, draw_speed
+from stereo_gpu.bench.page import page
+from stereo_gpu.bench.record import BenchRun
+from stereo_gpu.bench.roofline import draw_roofline
 from stereo_gpu.errors import InputError, StereoError
 from stereo_gpu.files import whole_folder
 
