@@ -15,7 +15,20 @@ SIDE_BY_SIDE, PAD = 8, 4
 ROWS = frozenset({"consistency", "grey", "median", "rectify", "slant", "smooth", "support", "triangulate"})
 # Kernels whose OpenCL form for CPUs gives each work-item a band of rows.
 BANDED = frozenset(
-    {"confidence", "consistency", "fill", "grey", "median", "rectify", "slant", "smooth", "support", "triangulate"}
+    {
+        "census",
+        "census_volume",
+        "confidence",
+        "consistency",
+        "fill",
+        "grey",
+        "median",
+        "rectify",
+        "slant",
+        "smooth",
+        "support",
+        "triangulate",
+    }
 )
 
 
@@ -72,13 +85,13 @@ def geometry(kernel: str, language: str, form: str, arguments: Mapping[str, Any]
             walled = (-(-arguments["disparities"] // LANES) + 2) * LANES
             return Geometry((-(-lines // together),), {"lines": lines}, 2 * lines * walled, alone=True)
         return Geometry((lines,), {"lines": lines}, 2 * lines * (arguments["disparities"] + 2 * PAD), alone=True)
-    if kernel == "census_volume":
-        return Geometry((arguments["disparities"], width, height))
     if kernel in ROWS and language == "warp" and form == "cpu":
         return Geometry((height,))
     if kernel in BANDED and language == "opencl" and form == "cpu":
         # Eight bands a core even out the load.
         return Geometry((min(height, 8 * units),), alone=True)
+    if kernel == "census_volume":
+        return Geometry((arguments["disparities"], width, height))
     if kernel == "window_norms" and language == "warp" and form == "cpu":
         rows = _rows_a_strip(height, 4 * units)
         return Geometry((-(-height // rows),), {"rows": rows})

@@ -148,3 +148,42 @@ def test_aggregate(forms, row_slope, disparities, size):
             edge=25.0,
             weight=0.25,
         )
+
+
+@pytest.mark.parametrize("row_shift", [0, 1, -1])
+@pytest.mark.parametrize("size", SIZES)
+def test_census(forms, row_shift, size):
+    width, height = size
+    assert_same(
+        forms,
+        "census",
+        {"bits_out": junk((height, width, 2), np.int32)},
+        picture=np.random.default_rng(6).integers(-9, 9, (height, width)).astype(np.float32),
+        width=width,
+        height=height,
+        row_shift=row_shift,
+    )
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize(("smallest", "disparities"), [(0, 1), (3, 8), (-20, 37), (0, 64), (400, 16)])
+@pytest.mark.parametrize("size", SIZES)
+def test_census_volume(forms, direction, smallest, disparities, size):
+    width, height = size
+    rng = np.random.default_rng(7)
+    bits = rng.integers(0, 1 << 31, (2, height, width, 2)).astype(np.int32)
+    validity = np.where(rng.random((2, height, width)) < 0.1, 16, 2).astype(np.uint8)
+    assert_same(
+        forms,
+        "census_volume",
+        {"cost_out": junk((height, width, disparities), np.uint8)},
+        reference_bits=bits[0],
+        other_bits=bits[1],
+        reference_validity=validity[0],
+        other_validity=validity[1],
+        width=width,
+        height=height,
+        smallest=smallest,
+        disparities=disparities,
+        direction=direction,
+    )
