@@ -88,6 +88,7 @@ def aggregate(
     cheapest = float(0.0)
     value = picture[y * width + x]
     whole = disparities // LANES * LANES
+    backwards = step_x < 0 and step_y == 0
     while x >= 0 and x < width and y >= 0 and y < height:
         for i in range(PAD):
             scratch[now - 1 - i] = WALL
@@ -106,7 +107,9 @@ def aggregate(
             # Bytes become whole numbers in a loop of their own, or the compiler takes the vectors of both apart.
             for i in range(chunk, end, LANES):
                 put(own, i - chunk, Ints(wp.array(ptr=paid + wp.uint64(i), shape=(1,), dtype=Bytes)[0]))
-            for i in range(chunk, end, LANES):
+            for k in range(chunk, end, LANES):
+                # Where a line leads to ever lower addresses the disparities do too: memory is read ahead one way only.
+                i = wp.where(backwards, chunk + end - LANES - k, k)
                 near = wp.min(floats(old, i - 1), floats(old, i + 1)) + Floats(small_penalty)
                 best = wp.min(wp.min(floats(old, i), Floats(jump)), near)
                 unseen = ones_if(ints(own, i - chunk), UNSEEN)
