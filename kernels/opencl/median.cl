@@ -1,8 +1,8 @@
 // Median of the valid neighbours.
 
 // Median over size x size (3, 5 or 7) neighbours that have a value; of an even number the lower one.
-// A pixel without a value stays without. Missing neighbours count in turn as lowest and highest, so that
-// the middle of the whole window is the median of the rest.
+// A pixel without a value stays without. From the pixel's own value it goes to the next larger or smaller one until
+// half of the values lie below: few steps where a map is smooth, and no array of values, which no GPU holds in registers.
 __kernel void median(
     // In:
     __global const float *disparity,
@@ -14,31 +14,37 @@ __kernel void median(
 {
     int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height) return;
-    int pixel = y * width + x;
-    disparity_out[pixel] = disparity[pixel];
-    if (disparity[pixel] != disparity[pixel]) return;
-    int radius = size / 2, total = size * size;
-    float values[49];
-    float filler = -INFINITY;
-    for (int k = 0; k < total; k++) {
-        int row = y + k / size - radius, column = x + k % size - radius;
-        float value = NAN;
-        if (row >= 0 && row < height && column >= 0 && column < width) value = disparity[row * width + column];
-        if (value != value) {
-            value = filler;
-            filler = -filler;
+    int pixel = y * width + x, radius = size / 2;
+    float middle = disparity[pixel];
+    disparity_out[pixel] = middle;
+    if (middle != middle) return;
+    int top = y > radius ? y - radius : 0, bottom = y + radius < height ? y + radius : height - 1;
+    int left = x > radius ? x - radius : 0, right = x + radius < width ? x + radius : width - 1;
+    // Values in all, below the middle, and equal to it; comparisons with what is missing are false.
+    int all = 0, below = 0, equal = 0;
+    for (int row = top; row <= bottom; row++) {
+        for (int column = left; column <= right; column++) {
+            float value = disparity[row * width + column];
+            all += value == value;
+            below += value < middle;
+            equal += value == middle;
         }
-        values[k] = value;
     }
-    // Selection up to the middle: bring the smallest of the rest forward, half of the window long.
-    for (int k = 0; k <= total / 2; k++) {
-        float low = values[k];
-        for (int j = k + 1; j < total; j++) {
-            float value = values[j];
-            values[j] = value > low ? value : low;
-            low = value > low ? low : value;
+    int wanted = (all - 1) / 2;
+    while (below > wanted || below + equal <= wanted) {
+        int down = below > wanted, found = 0;
+        float next = down ? -INFINITY : INFINITY;
+        for (int row = top; row <= bottom; row++) {
+            for (int column = left; column <= right; column++) {
+                float value = disparity[row * width + column];
+                int beyond = down ? value < middle : value > middle, nearer = down ? value > next : value < next;
+                found = beyond && nearer ? 1 : found + (beyond && value == next);
+                next = beyond && nearer ? value : next;
+            }
         }
-        values[k] = low;
+        below += down ? -found : equal;
+        equal = found;
+        middle = next;
     }
-    disparity_out[pixel] = values[total / 2];
+    disparity_out[pixel] = middle;
 }

@@ -4,8 +4,6 @@ import warp as wp
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
-Window = wp.types.vector(length=49, dtype=float)
-
 
 @wp.kernel
 def median(
@@ -19,34 +17,55 @@ def median(
 ):
     """Median over size x size (3, 5 or 7) neighbours that have a value; of an even number the lower one.
 
-    A pixel without a value stays without. Missing neighbours count in turn as lowest and highest, so that
-    the middle of the whole window is the median of the rest.
+    A pixel without a value stays without. From the pixel's own value it goes to the next larger or smaller one until
+    half of the values lie below: few steps where a map is smooth, and no array of values, which no GPU holds in
+    registers.
     """
     y, x = wp.tid()
     pixel = y * width + x
-    disparity_out[pixel] = disparity[pixel]
-    if wp.isnan(disparity[pixel]):
-        return
     radius = size // 2
-    total = size * size
-    values = Window()
-    filler = float(-wp.inf)
-    for k in range(total):
-        row = y + k // size - radius
-        column = x + k % size - radius
-        value = float(wp.nan)
-        if row >= 0 and row < height and column >= 0 and column < width:
+    middle = disparity[pixel]
+    disparity_out[pixel] = middle
+    if wp.isnan(middle):
+        return
+    top = wp.max(y - radius, 0)
+    bottom = wp.min(y + radius, height - 1)
+    left = wp.max(x - radius, 0)
+    right = wp.min(x + radius, width - 1)
+    # Values in all, below the middle, and equal to it; comparisons with what is missing are false.
+    count = int(0)
+    below = int(0)
+    equal = int(0)
+    for row in range(top, bottom + 1):
+        for column in range(left, right + 1):
             value = disparity[row * width + column]
-        if wp.isnan(value):
-            value = filler
-            filler = -filler
-        values[k] = value
-    # Selection up to the middle: bring the smallest of the rest forward, half of the window long.
-    for k in range(total // 2 + 1):
-        low = values[k]
-        for j in range(k + 1, total):
-            value = values[j]
-            values[j] = wp.max(low, value)
-            low = wp.min(low, value)
-        values[k] = low
-    disparity_out[pixel] = values[total // 2]
+            count += wp.where(value == value, 1, 0)
+            below += wp.where(value < middle, 1, 0)
+            equal += wp.where(value == middle, 1, 0)
+    wanted = (count - 1) // 2
+    while below > wanted or below + equal <= wanted:
+        down = below > wanted
+        found = int(0)
+        next = float(wp.inf)
+        if down:
+            next = -next
+        for row in range(top, bottom + 1):
+            for column in range(left, right + 1):
+                value = disparity[row * width + column]
+                beyond = value > middle
+                nearer = value < next
+                if down:
+                    beyond = value < middle
+                    nearer = value > next
+                if beyond and nearer:
+                    next = value
+                    found = 1
+                elif beyond and value == next:
+                    found += 1
+        if down:
+            below -= found
+        else:
+            below += equal
+        equal = found
+        middle = next
+    disparity_out[pixel] = middle
