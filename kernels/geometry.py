@@ -32,7 +32,7 @@ BANDED = frozenset(
 )
 
 
-# The same as in the forms for GPUs, ncc_wta: disparities and columns of a work-group.
+# The same as in block_winners, which the forms for GPUs of ncc_wta and wta use: disparities and columns of a group.
 GROUPS = {"opencl": (64, 8), "warp": (128, 16)}
 # Members of the record that waits in their scratch between chunks of disparities.
 RECORD = 7
@@ -74,6 +74,10 @@ def geometry(kernel: str, language: str, form: str, arguments: Mapping[str, Any]
     width, height = arguments.get("width", 1), arguments.get("height", 1)
     if form == "gpu" and kernel == "ncc_wta":
         return _ncc_wta_on_gpu(language, width, height, units)
+    if form == "gpu" and kernel == "wta":
+        group, columns = GROUPS[language]
+        tiles = -(-width // columns)
+        return Geometry((tiles * group, height) if language == "opencl" else (group, tiles * height), group=group)
     if kernel == "cover":
         return Geometry((arguments["triangles"],), whole=True)
     if kernel == "bake":

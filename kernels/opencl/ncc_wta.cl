@@ -6,11 +6,8 @@
 // through local memory, where the work-items look for the winners of both views. Longer ranges than GROUP are
 // searched a chunk after another; what is known of each pixel waits in scratch.
 #include "peaks.h"
+#include "block_winners.h"
 
-#define GROUP 64 // as in kernels/geometry.py; every device runs so many, and needs 4 KiB of local memory for them
-#define SPAN 8
-#define CLASSES (GROUP / SPAN) // work-items that share the search for the winner of a column
-#define PITCH 72 // keys of a column and zeros beyond them; four columns lie in different banks
 #define LARGEST_RADIUS 15
 
 // Two whole numbers of 16 bits, first below second.
@@ -18,31 +15,6 @@ inline int pair(int first, int second) { return (first & 0xffff) | (second << 16
 
 // first x first + second x second.
 inline int pair_product(int a, int b) { return (int)(short)a * (int)(short)b + (a >> 16) * (b >> 16); }
-
-// The four highest of the keys that the work-items of a column saw, two each.
-inline int4 highest_four(__local const int *highest, __local const int *seconds)
-{
-    int4 four = (int4)(0);
-    for (int k = 0; k < 2 * CLASSES; k++) {
-        int key = k < CLASSES ? highest[k] : seconds[k - CLASSES], lower = key < four.x ? key : four.x;
-        four.x = key > four.x ? key : four.x;
-        key = lower;
-        lower = key < four.y ? key : four.y;
-        four.y = key > four.y ? key : four.y;
-        key = lower;
-        lower = key < four.z ? key : four.z;
-        four.z = key > four.z ? key : four.z;
-        four.w = lower > four.w ? lower : four.w;
-    }
-    return four;
-}
-
-// Whether the disparities of two keys are more than one place apart.
-inline int apart(int a, int b, int bits)
-{
-    int places = key_index(a, bits) - key_index(b, bits);
-    return places < -1 || places > 1;
-}
 
 // The highest level but that of disparity i.
 inline int level_but(int4 four, int i, int bits) { return (key_index(four.x, bits) == i ? four.y : four.x) >> bits; }
@@ -59,8 +31,7 @@ inline Peaks peaks_of(int4 four, __local const int *keys, int way, int start, in
     peaks.index = at;
     peaks.before = at > start ? keys[way * (at - 1 - start)] >> bits : 0;
     peaks.after = at < end - 1 ? keys[way * (at + 1 - start)] >> bits : 0;
-    // Of the next three, two at most are the winner's neighbours.
-    peaks.runner = (apart(four.x, four.y, bits) ? four.y : apart(four.x, four.z, bits) ? four.z : four.w) >> bits;
+    peaks.runner = runner_level(four, bits);
     return peaks;
 }
 
@@ -196,27 +167,11 @@ __kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void ncc_wta(
             }
             barrier(CLK_LOCAL_MEM_FENCE);
 
-            // Our winner: neighbouring disparities are in different classes, so that of the winner and its
-            // neighbours none hides the runner-up.
-            __local const int *column = keys + lane / CLASSES * PITCH + (lane & (CLASSES - 1));
             int high = 0, second = 0;
-            for (int k = 0; k < GROUP; k += CLASSES) {
-                int key = column[k], lower = key < high ? key : high;
-                second = lower > second ? lower : second;
-                high = key > high ? key : high;
-            }
+            search_column(keys, lane, &high, &second);
             highest[lane] = high;
             seconds[lane] = second;
-            // Their winner: the keys of one u lie on a diagonal, and zeros beyond its ends.
-            for (int k = lane; k < GROUP + SPAN - 1; k += GROUP) {
-                int key = 0;
-                for (int s = 0; s < SPAN; s++) {
-                    int next = keys[s * (PITCH - 1) + k];
-                    key = next > key ? next : key;
-                }
-                // A key is above 0 only where u is inside of the picture.
-                if (key > 0) atomic_max(other_out + row + u0 + k, key);
-            }
+            raise_winners(keys, lane, other_out + row, u0, width);
             barrier(CLK_LOCAL_MEM_FENCE);
 
             if (lane < SPAN && x0 + lane < width) {

@@ -1,9 +1,12 @@
-// Winner takes all over a volume of scores, for both views.
+// Winner takes all over a volume of scores, for both views: the form for GPUs.
+//
+// A work-group owns SPAN columns of a row, a work-item one disparity of each of them, so that neighbouring work-items
+// read neighbouring scores; the keys pass through local memory, where the work-items look for the winners.
 #include "peaks.h"
+#include "block_winners.h"
 
-// Disparity (px), score and runner-up over best of every pixel; the other view's winner_key.
-// The work-item of pixel (x, y) also gathers the winner of the other view's pixel (x, y).
-__kernel void wta(
+// Disparity (px), score and runner-up over best of every pixel; the other view's winner_key, which must come in as 0.
+__kernel __attribute__((reqd_work_group_size(GROUP, 1, 1))) void wta(
     // In:
     __global const float *volume,
     __global const uchar *validity,
@@ -20,26 +23,44 @@ __kernel void wta(
     __global uchar *validity_out,
     __global int *other_out)
 {
-    int x = get_global_id(0), y = get_global_id(1);
-    if (x >= width || y >= height) return;
-    long pixel = (long)y * width + x;
+    __local int keys[SPAN * PITCH], highest[GROUP], seconds[GROUP];
+    int lane = get_local_id(0), x0 = get_group_id(0) * SPAN, y = get_group_id(1), high = 0, second = 0;
     int bits = index_bits(disparities);
-    Peaks peaks = no_peaks();
-    int other_key = 0;
-    for (int i = 0; i < disparities; i++) {
-        see(&peaks, score_level(volume[pixel * disparities + i], bits), i);
-        int source = x - direction * (smallest + i);
-        if (source >= 0 && source < width) {
-            int level = score_level(volume[((long)y * width + source) * disparities + i], bits);
-            int key = winner_key(level, i, bits);
-            other_key = level > 0 && key > other_key ? key : other_key;
+    for (int k = lane; k < SPAN * PITCH; k += GROUP) keys[k] = 0;
+    barrier(CLK_LOCAL_MEM_FENCE);
+
+    for (int start = 0; start < disparities; start += GROUP) {
+        // Work-items of larger u come later.
+        int i = start + (direction > 0 ? lane : GROUP - 1 - lane);
+        int u0 = x0 + direction * (smallest + start) - (direction > 0 ? 0 : GROUP - 1);
+        __global const float *scores = volume + ((long)y * width + x0) * disparities + i;
+        for (int s = 0; s < SPAN; s++) {
+            int inside = x0 + s < width && i < disparities;
+            int level = inside ? score_level(scores[(long)s * disparities], bits) : 0;
+            keys[s * PITCH + lane] = level > 0 ? winner_key(level, i, bits) : 0;
         }
+        barrier(CLK_LOCAL_MEM_FENCE);
+        // Disparities of one class in all chunks are of one class still.
+        search_column(keys, lane, &high, &second);
+        raise_winners(keys, lane, other_out + y * width, u0, width);
+        barrier(CLK_LOCAL_MEM_FENCE);
     }
-    int found = peaks.best > 0;
-    other_out[pixel] = other_key;
-    score_out[pixel] = (float)peaks.best / score_scale(bits);
-    disparity_out[pixel] =
-        found ? peak_disparity(peaks.index, peaks.best, peaks.before, peaks.after, smallest, subpixel) : NAN;
-    ratio_out[pixel] = found ? (float)peaks.runner / (float)peaks.best : 0.0f;
+    highest[lane] = high;
+    seconds[lane] = second;
+    barrier(CLK_LOCAL_MEM_FENCE);
+
+    if (lane >= SPAN || x0 + lane >= width) return;
+    long pixel = (long)y * width + x0 + lane;
+    int4 four = highest_four(highest + lane * CLASSES, seconds + lane * CLASSES);
+    __global const float *scores = volume + pixel * disparities;
+    int best = four.x >> bits, at = key_index(four.x, bits), found = best > 0;
+    score_out[pixel] = (float)best / score_scale(bits);
+    disparity_out[pixel] = NAN;
+    if (found) {
+        int before = at > 0 ? score_level(scores[at - 1], bits) : 0;
+        int after = at < disparities - 1 ? score_level(scores[at + 1], bits) : 0;
+        disparity_out[pixel] = peak_disparity(at, best, before, after, smallest, subpixel);
+    }
+    ratio_out[pixel] = found ? (float)runner_level(four, bits) / (float)best : 0.0f;
     validity_out[pixel] = found ? 0 : validity[pixel] ? validity[pixel] : OUT_OF_RANGE;
 }

@@ -9,7 +9,24 @@ what is known of each pixel waits in scratch meanwhile.
 
 import warp as wp
 
-from stereo_gpu.kernels.warp.block import add_pair_product, barrier, load, memory, raise_to, store
+from stereo_gpu.kernels.warp.block import add_pair_product, barrier, load, store
+from stereo_gpu.kernels.warp.block_winners import (
+    CLASSES,
+    GROUP,
+    HIGHEST,
+    KEYS,
+    PITCH,
+    SECONDS,
+    SPAN,
+    get,
+    get_float,
+    highest_four,
+    put,
+    put_float,
+    raise_winners,
+    runner_level,
+    search_column,
+)
 from stereo_gpu.kernels.warp.peaks import (
     OUT_OF_RANGE,
     Peaks,
@@ -23,53 +40,16 @@ from stereo_gpu.kernels.warp.peaks import (
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
-GROUP = wp.constant(128)  # threads of a block; kernels/geometry.py has the same
-SPAN = wp.constant(16)
-CLASSES = wp.constant(8)  # threads that share the search for the winner of a column: GROUP / SPAN
-PITCH = wp.constant(152)  # keys of a column and zeros beyond them; four columns lie in different banks
 # Where in shared memory lie
-OURS = wp.constant(0)  # grey levels of our rows that enter and leave the window: SPAN and twice the largest radius
-THEIRS = wp.constant(46)  # the same of the other view, from the smallest u on: GROUP + SPAN and as many
-MEANS = wp.constant(220)  # of our windows,
-INVERSES = wp.constant(236)  # and their inverse norms times the levels of a score of 1
-THEIR_SUMS = wp.constant(252)  # of the other view's windows, GROUP + SPAN,
-THEIR_INVERSES = wp.constant(396)
-KEYS = wp.constant(540)
-HIGHEST = wp.constant(2972)  # of the keys that each thread saw,
-SECONDS = wp.constant(3100)  # and the next one
+OURS = wp.constant(2688)  # grey levels of our rows that enter and leave the window: SPAN and twice the largest radius
+THEIRS = wp.constant(2734)  # the same of the other view, from the smallest u on: GROUP + SPAN and as many
+MEANS = wp.constant(2908)  # of our windows,
+INVERSES = wp.constant(2924)  # and their inverse norms times the levels of a score of 1
+THEIR_SUMS = wp.constant(2940)  # of the other view's windows, GROUP + SPAN,
+THEIR_INVERSES = wp.constant(3084)
 WIDTH = wp.constant(3228)  # of the picture
 FIRST = wp.constant(3229)  # row of the strip
 Boxes = wp.types.vector(length=16, dtype=wp.int32)
-
-
-@wp.func_native(memory(3230))
-def word(k: int, value: int, write: bool) -> int:
-    """Write or read a word of the block's shared memory."""
-    ...
-
-
-@wp.func
-def get(k: int) -> int:
-    """A whole number in shared memory."""
-    return word(k, 0, False)
-
-
-@wp.func
-def get_float(k: int) -> float:
-    """A number in shared memory."""
-    return wp.cast(word(k, 0, False), float)
-
-
-@wp.func
-def put(k: int, value: int):
-    """Write a whole number to shared memory."""
-    word(k, value, True)
-
-
-@wp.func
-def put_float(k: int, value: float):
-    """Write a number to shared memory."""
-    word(k, wp.cast(value, int), True)
 
 
 @wp.func
@@ -148,31 +128,10 @@ def joined(
 
 
 @wp.func
-def highest_four(lane: int) -> wp.vec4i:
-    """The four highest of the keys that the threads of column lane saw, two each."""
-    four = wp.vec4i()
-    for k in range(CLASSES):
-        for rank in range(2):
-            key = get(HIGHEST + rank * GROUP + lane * CLASSES + k)
-            for place in range(3):
-                lower = wp.min(four[place], key)
-                four[place] = wp.max(four[place], key)
-                key = lower
-            four[3] = wp.max(four[3], key)
-    return four
-
-
-@wp.func
 def peaks_of(four: wp.vec4i, column: int, start: int, end: int, direction: int, bits: int) -> Peaks:
     """The peaks among disparities start to end - 1, whose keys begin at column, or end there."""
     peaks = no_peaks()
     at = key_index(four[0], bits)
-    # Of the next three, two at most are the winner's neighbours.
-    runner = four[3]
-    if wp.abs(key_index(four[2], bits) - at) > 1:
-        runner = four[2]
-    if wp.abs(key_index(four[1], bits) - at) > 1:
-        runner = four[1]
     peaks.last = get(column + direction * (end - 1 - start)) >> bits
     peaks.earlier = level_but(four, end - 1, bits)
     if four[0] > 0:
@@ -182,7 +141,7 @@ def peaks_of(four: wp.vec4i, column: int, start: int, end: int, direction: int, 
             peaks.before = get(column + direction * (at - 1 - start)) >> bits
         if at < end - 1:
             peaks.after = get(column + direction * (at + 1 - start)) >> bits
-        peaks.runner = runner >> bits
+        peaks.runner = runner_level(four, bits)
     return peaks
 
 
@@ -297,30 +256,10 @@ def ncc_wta(
                     put(KEYS + lane + s * PITCH, key)
                 barrier()
 
-                # Our winner: neighbouring disparities are in different classes, so that of the winner and its
-                # neighbours none hides the runner-up.
-                high = int(0)
-                second = int(0)
-                column = KEYS + (lane >> 3) * PITCH + (lane & (CLASSES - 1))
-                for k in range(SPAN):
-                    key = get(column + k * CLASSES)
-                    second = wp.max(second, wp.min(high, key))
-                    high = wp.max(high, key)
-                put(HIGHEST + lane, high)
-                put(SECONDS + lane, second)
-                # Their winner: the keys of one u lie on a diagonal, and zeros beyond its ends.
-                near = int(0)
-                for s in range(SPAN):
-                    near = wp.max(near, get(KEYS + lane + s * (PITCH - 1)))
-                # A key is above 0 only where u is inside of the picture.
-                if near > 0:
-                    raise_to(other_out, row + u0 + lane, near)
-                if lane < SPAN:
-                    far = int(0)
-                    for s in range(SPAN):
-                        far = wp.max(far, get(KEYS + GROUP + lane + s * (PITCH - 1)))
-                    if far > 0:
-                        raise_to(other_out, row + u0 + lane + GROUP, far)
+                two = search_column(wp.vec2i(), lane)
+                put(HIGHEST + lane, two[0])
+                put(SECONDS + lane, two[1])
+                raise_winners(other_out, row, u0, lane, wide)
                 barrier()
 
                 if lane < SPAN and x < wide:
