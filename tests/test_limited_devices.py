@@ -65,6 +65,23 @@ def kernel_tests():
 globals().update(kernel_tests())
 
 
+@pytest.mark.parametrize("direction", [1, -1])
+def test_fused_on_few_pixels(backend, direction):
+    """Several groups, strips, chunks of disparities and directions, in as few pixels as Oclgrind has time for."""
+    shape, radius = (19, 9), 1
+    left, right = (picture[: shape[0], : shape[1]].copy() for picture in test_matching_kernels.scene())
+    arrays, validity = test_matching_kernels.prepared(backend, left, right, np.ones(shape, np.uint8), radius, 1.0)
+    numbers = {"width": shape[1], "height": shape[0], "smallest": -60, "disparities": 70, "direction": direction}
+    volume = test_matching_kernels.junk(backend, (*shape, 70), np.float32)
+    backend.launch("ncc_volume", **arrays, **numbers, radius=radius, volume_out=volume)
+    apart, fused = (test_matching_kernels.winners(backend, shape) for _ in range(2))
+    backend.launch("wta", volume=volume, validity=validity, **numbers, subpixel=1, **apart)
+    backend.launch("ncc_wta", **arrays, validity=validity, **numbers, radius=radius, subpixel=1, **fused)
+    for name in apart:
+        np.testing.assert_array_equal(backend.download(apart[name]), backend.download(fused[name]))
+    assert np.isfinite(backend.download(fused["disparity_out"])).any()
+
+
 @pytest.fixture
 def opened_by_name(monkeypatch):
     """Let `backend="limited ..."` name one of the backends of this file."""
