@@ -34,6 +34,8 @@ BANDED = frozenset(
 
 # The same as in block_winners, which the forms for GPUs of ncc_wta and wta use: disparities and columns of a group.
 GROUPS = {"opencl": (64, 8), "warp": (128, 16)}
+# The same as in the forms of aggregate for GPUs: work-items of a line, and disparities that need no scratch.
+LINE_GROUP, HELD = 64, 256
 # Members of the record that waits in their scratch between chunks of disparities.
 RECORD = 7
 
@@ -84,6 +86,10 @@ def geometry(kernel: str, language: str, form: str, arguments: Mapping[str, Any]
         return Geometry((arguments["texture_width"], arguments["texture_height"]))
     if kernel == "aggregate":
         lines = height if arguments["step_y"] == 0 else width + (height - 1 if arguments["step_x"] else 0)
+        if form == "gpu":
+            rest = 2 * lines * arguments["disparities"] if arguments["disparities"] > HELD else 1
+            size = (lines * LINE_GROUP,) if language == "opencl" else (LINE_GROUP, lines)
+            return Geometry(size, {"lines": lines}, rest, group=LINE_GROUP)
         if language == "opencl" and form == "cpu":
             together = SIDE_BY_SIDE if arguments["step_y"] else 1
             walled = (-(-arguments["disparities"] // LANES) + 2) * LANES

@@ -72,3 +72,37 @@ def test_ncc_wta(name, shape, smallest, disparities, size, direction, levels):
         for array, values in found[0].items():
             np.testing.assert_array_equal(values, other[array], err_msg=array)
     assert np.isfinite(found[0]["disparity_out"]).any() or shape == (1, 1)
+
+
+@pytest.mark.parametrize("disparities", [11, 70, 300])  # fewer than work-items, more, and more than local memory holds
+@pytest.mark.parametrize("step", [(1, 0), (-1, 0), (0, 1), (1, -1), (-1, 1)])
+@pytest.mark.parametrize("name", ["opencl", "warp:cpu"])
+def test_aggregate(name, step, disparities):
+    rng = np.random.default_rng(disparities)
+    shape = (13, 19)
+    cost = rng.integers(0, 256, (*shape, disparities)).astype(np.uint8)
+    start = rng.integers(0, 50, cost.shape).astype(np.float32)
+    (grey, _), sums = pictures(shape, 4, 7), []
+    for form in ("gpu", "cpu"):
+        backend = opened(name, form)
+        volume = backend.upload(start)
+        backend.launch(
+            "aggregate",
+            cost=backend.upload(cost),
+            picture=backend.upload(grey),
+            width=shape[1],
+            height=shape[0],
+            disparities=disparities,
+            step_x=step[0],
+            step_y=step[1],
+            row_slope=1,
+            small_penalty=9.0,
+            large_penalty=40.0,
+            edge_penalty=20.0,
+            edge=25.0,
+            weight=0.25,
+            volume_out=volume,
+        )
+        sums.append(backend.download(volume))
+    np.testing.assert_array_equal(*sums)
+    assert (sums[0] != start).any()

@@ -40,6 +40,30 @@ def add_pair_product(total: int, ours: int, theirs: int) -> int:
     ...
 
 
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    for (int step = 16; step > 0; step /= 2)
+        value = fminf(value, __shfl_xor_sync(0xffffffff, value, step));
+#endif
+    return value;
+""")
+def lowest_of_warp(value: float) -> float:
+    """The lowest value of the `warp_size` threads beside this one; all threads of the block take part."""
+    ...
+
+
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return 32;
+#else
+    return 1;
+#endif
+""")
+def warp_size() -> int:
+    """How many threads run side by side."""
+    ...
+
+
 @wp.func_native("return array.data[i];")
 def load(array: wp.array(dtype=float), i: int) -> float:
     """Element i of an array whose elements lie side by side: Warp's own [] multiplies by a stride of 64 bits."""
