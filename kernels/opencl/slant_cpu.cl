@@ -93,6 +93,54 @@ INLINE Planes fit_planes(
     return plane;
 }
 
+#ifdef __AVX512BW__
+#define WIDE 1.0e9f
+typedef float raw_lanes __attribute__((vector_size(4 * LANES), aligned(4)));
+typedef int raw_places __attribute__((vector_size(4 * LANES)));
+
+// The floats at places 0 to 31 of two vectors that lie side by side.
+INLINE lanes look_up(raw_lanes left, raw_lanes right, int_lanes place)
+{
+    return __builtin_astype(__builtin_ia32_vpermi2varps512(left, __builtin_astype(place, raw_places), right), lanes);
+}
+
+INLINE float smallest(lanes v)
+{
+    float8 eight = v.lo < v.hi ? v.lo : v.hi;
+    float4 four = eight.lo < eight.hi ? eight.lo : eight.hi;
+    float2 two = four.lo < four.hi ? four.lo : four.hi;
+    return two.x < two.y ? two.x : two.y;
+}
+#endif
+
+// Of a row the columns that index tells, and the three to the right of each; beyond the picture its edge repeated.
+INLINE void load_four(
+    __global const float *row, int_lanes index, int width, int beyond, lanes *t0, lanes *t1, lanes *t2, lanes *t3)
+{
+#ifdef __AVX2__
+    if (!beyond) {
+        index = index < 0 ? 0 : index;
+        index = index > width - 4 ? width - 4 : index;
+        const int *column = (const int *)&index;
+#define FOUR(k) *(__global const four *)(row + column[k])
+        lanes p = QUARTER(FOUR, 0), q = QUARTER(FOUR, 1), r = QUARTER(FOUR, 2), s = QUARTER(FOUR, 3);
+        lanes pq = QUARTERS(p, q, 0, LANES, 1, LANES + 1), rs = QUARTERS(r, s, 0, LANES, 1, LANES + 1);
+        *t0 = QUARTERS(pq, rs, 0, 1, LANES, LANES + 1);
+        *t1 = QUARTERS(pq, rs, 2, 3, LANES + 2, LANES + 3);
+        pq = QUARTERS(p, q, 2, LANES + 2, 3, LANES + 3), rs = QUARTERS(r, s, 2, LANES + 2, 3, LANES + 3);
+        *t2 = QUARTERS(pq, rs, 0, 1, LANES, LANES + 1);
+        *t3 = QUARTERS(pq, rs, 2, 3, LANES + 2, LANES + 3);
+        return;
+    }
+#endif
+    for (int k = 0; k < LANES; k++) {
+        (*t0)[k] = row[clamp_index(index[k], width)];
+        (*t1)[k] = row[clamp_index(index[k] + 1, width)];
+        (*t2)[k] = row[clamp_index(index[k] + 2, width)];
+        (*t3)[k] = row[clamp_index(index[k] + 3, width)];
+    }
+}
+
 // Add a sample that lies share of a pixel to the right of b0.
 INLINE void add_sample(Sums *sums, lanes a, lanes b0, lanes b1, lanes share, int_lanes inside)
 {
@@ -131,7 +179,7 @@ INLINE void slant_lanes(
     plane.along_x = given ? plane.along_x : 0.0f;
     plane.along_y = given ? plane.along_y : 0.0f;
 
-    lanes columns = __builtin_convertvector(lane_numbers() + x, lanes);
+    lanes lane = __builtin_convertvector(lane_numbers(), lanes), columns = lane + (float)x;
     lanes count = 0.0f, sum_a = 0.0f, sum_aa = 0.0f;
     Sums low = {0.0f, 0.0f, 0.0f}, middle = low, high = low;
     // The place whose samples lie furthest left, and the one whose lie furthest right.
@@ -139,11 +187,21 @@ INLINE void slant_lanes(
     for (int j = -radius; j <= radius; j++) {
         long row = (long)clamp_index(y + j, height) * width;
         lanes across_row = plane.along_y * (float)j;
-        lanes first = columns - (float)radius + way * (plane.centre - plane.along_x * (float)radius + across_row);
-        lanes last = columns + (float)radius + way * (plane.centre + plane.along_x * (float)radius + across_row);
-        lanes leftmost = first < last ? first : last, rightmost = first < last ? last : first;
-        // A pixel to spare for the step and one for rounding.
-        int beyond = any_lane(leftmost < 2.0f | rightmost > (float)(width - 6));
+        // How far to the right of its own column each lane looks, at least and at most, with a pixel to spare for the
+        // step and one for rounding.
+        lanes first = way * (plane.centre - plane.along_x * (float)radius + across_row);
+        lanes last = way * (plane.centre + plane.along_x * (float)radius + across_row);
+        lanes least = (first < last ? first : last) - 2.0f, most = (first < last ? last : first) + 2.0f;
+        int beyond = any_lane(given & (columns - (float)radius + least < 0.0f
+                                       | columns + (float)radius + most > (float)(width - 4)));
+#ifdef __AVX512BW__
+        // On a smooth surface all lanes sample among the same two vectors.
+        least = given ? lane + least : WIDE;
+        most = given ? lane + most : -WIDE;
+        int start = floor_to_int(smallest(least));
+        int near_by = !beyond && -smallest(-most) < (float)(start + 2 * LANES - 4)
+                      && row + x + radius + start + 2 * LANES <= (long)width * height;
+#endif
         for (int i = -radius; i <= radius; i++) {
             lanes surface = plane.centre + plane.along_x * (float)i + across_row;
             lanes near = load_lanes(disparity + row, x + i, width, 1);
@@ -158,28 +216,19 @@ INLINE void slant_lanes(
             lanes u_high = at + way * (surface + high_shift);
             lanes whole = floor_lanes(u_low), next = whole + 1.0f, after = whole + 2.0f;
             int_lanes index = __builtin_convertvector(whole, int_lanes);
-            const int *column = (const int *)&index;
             lanes t0, t1, t2, t3;
-#ifdef __AVX2__
-            if (!beyond) {
-#define TAPS(k) *(__global const four *)(other + row + column[k])
-                lanes p = QUARTER(TAPS, 0), q = QUARTER(TAPS, 1), r = QUARTER(TAPS, 2), s = QUARTER(TAPS, 3);
-                lanes pq = QUARTERS(p, q, 0, LANES, 1, LANES + 1), rs = QUARTERS(r, s, 0, LANES, 1, LANES + 1);
-                t0 = QUARTERS(pq, rs, 0, 1, LANES, LANES + 1);
-                t1 = QUARTERS(pq, rs, 2, 3, LANES + 2, LANES + 3);
-                pq = QUARTERS(p, q, 2, LANES + 2, 3, LANES + 3), rs = QUARTERS(r, s, 2, LANES + 2, 3, LANES + 3);
-                t2 = QUARTERS(pq, rs, 0, 1, LANES, LANES + 1);
-                t3 = QUARTERS(pq, rs, 2, 3, LANES + 2, LANES + 3);
+#ifdef __AVX512BW__
+            if (near_by) {
+                int from = x + i + start;
+                raw_lanes left = *(__global const raw_lanes *)(other + row + from);
+                raw_lanes right = *(__global const raw_lanes *)(other + row + from + LANES);
+                t0 = look_up(left, right, index - from);
+                t1 = look_up(left, right, index - from + 1);
+                t2 = look_up(left, right, index - from + 2);
+                t3 = look_up(left, right, index - from + 3);
             } else
 #endif
-            {
-                for (int k = 0; k < LANES; k++) {
-                    t0[k] = other[row + clamp_index(column[k], width)];
-                    t1[k] = other[row + clamp_index(column[k] + 1, width)];
-                    t2[k] = other[row + clamp_index(column[k] + 2, width)];
-                    t3[k] = other[row + clamp_index(column[k] + 3, width)];
-                }
-            }
+                load_four(other + row, index, width, beyond, &t0, &t1, &t2, &t3);
             add_sample(&low, a, t0, t1, u_low - whole, inside);
             int_lanes moved = u >= next;
             add_sample(&middle, a, moved ? t1 : t0, moved ? t2 : t1, u - (moved ? next : whole), inside);
