@@ -84,7 +84,7 @@ __kernel void median(
     int radius = size / 2;
     float ring[LARGEST][BLOCK + LANES] ALIGNED;
     float low[BLOCK + LANES] ALIGNED, middle[BLOCK + LANES] ALIGNED, high[BLOCK + LANES] ALIGNED; // of columns of three
-    ulong incomplete[LARGEST]; // one bit a vector of a row in the ring
+    ulong incomplete[LARGEST]; // one bit a vector of a row in the ring; BLOCK has fewer than 64 vectors
     for (int start = 0; start < width; start += BLOCK) {
         int columns = start + BLOCK < width ? BLOCK : width - start, used = columns + 2 * radius;
         for (int y = band.x - radius; y < band.y + radius; y++) {
