@@ -20,6 +20,7 @@ BANDED = frozenset(
         "census_volume",
         "confidence",
         "consistency",
+        "dilate",
         "fill",
         "grey",
         "median",
@@ -80,6 +81,9 @@ def geometry(kernel: str, language: str, form: str, arguments: Mapping[str, Any]
         group, columns = GROUPS[language]
         tiles = -(-width // columns)
         return Geometry((tiles * group, height) if language == "opencl" else (group, tiles * height), group=group)
+    if kernel in ("cover", "bake") and language == "opencl" and form == "cpu":
+        # Bands as below, of the atlas; each one of cover looks at every triangle, so that there are fewer.
+        return Geometry((min(arguments["texture_height"], (3 if kernel == "cover" else 8) * units),), alone=True)
     if kernel == "cover":
         return Geometry((arguments["triangles"],), whole=True)
     if kernel == "bake":

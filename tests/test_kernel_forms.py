@@ -187,3 +187,68 @@ def test_census_volume(forms, direction, smallest, disparities, size):
         disparities=disparities,
         direction=direction,
     )
+
+
+def triangles(many, size, source):
+    """Triangles of all sizes, some without area, some reaching out of the atlas, some sampling out of the picture."""
+    rng = np.random.default_rng(8)
+    places = rng.uniform(-2, 1.1 * max(size), (many, 1, 2)) + rng.uniform(-9, 9, (many, 3, 2))
+    places[::7, 2] = places[::7, 1]
+    seen = rng.uniform(-3, 1.1 * max(source), (many, 3, 2))
+    depth = rng.uniform(0.5, 2, (many, 3, 1))
+    return np.concatenate([places, seen * depth, depth], axis=2).astype(np.float32)
+
+
+@pytest.mark.parametrize("many", [1, 2, 300])
+@pytest.mark.parametrize("size", SIZES)
+def test_cover(forms, many, size):
+    owner = assert_same(
+        forms,
+        "cover",
+        {"owner_out": np.zeros(size[::-1], np.int32)},
+        corners=triangles(many, size, (9, 9)),
+        triangles=many,
+        texture_width=size[0],
+        texture_height=size[1],
+    )["owner_out"]
+    assert owner.any() or many < 300
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("source", [(41, 29), (1, 1), (1, 2)])
+def test_bake(forms, dtype, channels, size, source):
+    rng = np.random.default_rng(9)
+    largest = np.iinfo(dtype).max
+    assert_same(
+        forms,
+        "bake",
+        {"texture_out": junk((*size[::-1], 3), np.uint8), "covered_out": junk(size[::-1], np.uint8)},
+        picture=rng.integers(0, largest + 1, (*source[::-1], channels)).astype(dtype),
+        corners=triangles(40, size, source),
+        owner=np.where(rng.random(size[::-1]) < 0.3, 0, rng.integers(0, 41, size[::-1])).astype(np.int32),
+        width=source[0],
+        height=source[1],
+        channels=channels,
+        scale=270 / largest,
+        texture_width=size[0],
+        texture_height=size[1],
+    )
+
+
+@pytest.mark.parametrize("share", [0.0, 0.02, 0.5, 1.0])
+@pytest.mark.parametrize("size", SIZES)
+def test_dilate(forms, share, size):
+    rng = np.random.default_rng(10)
+    covered = (rng.random(size[::-1]) < share).astype(np.uint8)
+    covered[:, size[0] // 2 : -3] = 1
+    assert_same(
+        forms,
+        "dilate",
+        {"texture_out": junk((*size[::-1], 3), np.uint8), "covered_out": junk(size[::-1], np.uint8)},
+        texture=rng.integers(0, 256, (*size[::-1], 3)).astype(np.uint8) * covered[..., None],
+        covered=covered,
+        width=size[0],
+        height=size[1],
+    )

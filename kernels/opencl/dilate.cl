@@ -1,4 +1,5 @@
 // Grow the baked charts by one texel, so that no seam shows between them.
+#include "dilate_texel.h"
 
 // Give a texel without colour the mean of its coloured neighbours among the eight around it.
 __kernel void dilate(
@@ -13,21 +14,5 @@ __kernel void dilate(
 {
     int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height) return;
-    int texel = y * width + x, coloured = 0;
-    float red = 0.0f, green = 0.0f, blue = 0.0f;
-    for (int k = 0; k < 9; k++) {
-        int row = y + k / 3 - 1, column = x + k % 3 - 1;
-        if (row < 0 || row >= height || column < 0 || column >= width) continue;
-        int near = row * width + column;
-        if (!covered[near] || (covered[texel] && near != texel)) continue;
-        coloured++;
-        red += (float)texture[near * 3];
-        green += (float)texture[near * 3 + 1];
-        blue += (float)texture[near * 3 + 2];
-    }
-    float many = (float)(coloured > 1 ? coloured : 1);
-    covered_out[texel] = coloured > 0;
-    texture_out[texel * 3] = (uchar)(red / many + 0.5f);
-    texture_out[texel * 3 + 1] = (uchar)(green / many + 0.5f);
-    texture_out[texel * 3 + 2] = (uchar)(blue / many + 0.5f);
+    dilate_texel(texture, covered, width, height, x, y, texture_out, covered_out);
 }

@@ -7,38 +7,18 @@
 #include "lanes.h"
 #include "sampling.h"
 #include "rectify_pixel.h"
+#include "colours.h"
 
-#if LANES == 16
-#define EACH(get, i) \
-    (get(i[0]), get(i[1]), get(i[2]), get(i[3]), get(i[4]), get(i[5]), get(i[6]), get(i[7]), \
-     get(i[8]), get(i[9]), get(i[10]), get(i[11]), get(i[12]), get(i[13]), get(i[14]), get(i[15]))
-#define WITHOUT_FOURTHS COLOURS(0), COLOURS(16), COLOURS(32), COLOURS(48)
-#else
-#define EACH(get, i) (get(i[0]), get(i[1]), get(i[2]), get(i[3]), get(i[4]), get(i[5]), get(i[6]), get(i[7]))
-#define WITHOUT_FOURTHS COLOURS(0), COLOURS(16)
-#endif
-#define COLOURS(i) i, i + 1, i + 2, i + 4, i + 5, i + 6, i + 8, i + 9, i + 10, i + 12, i + 13, i + 14
-
-// Whole numbers that hold two grey pixels, and four channels: a pixel of three and the first one of the next.
-#define JOINED(a, b) a##b
-#define FOR_PIXEL(name, type) JOINED(name, type)
+// A whole number that holds two grey pixels.
 #define TWO_uchar ushort
 #define TWO_ushort uint
-#define FOUR_uchar uint
-#define FOUR_ushort ulong
 typedef FOR_PIXEL(TWO_, PIXEL) Two;
-typedef FOR_PIXEL(FOUR_, PIXEL) Four;
 typedef Two LooseTwo __attribute__((aligned(1)));
-typedef Four LooseFour __attribute__((aligned(1)));
-#define SPAN 128
-#define BITS (8 * (int)sizeof(PIXEL))
-#define LARGEST ((1 << BITS) - 1)
-
 typedef Two two_lanes __attribute__((ext_vector_type(LANES)));
-typedef Four four_lanes __attribute__((ext_vector_type(LANES)));
 typedef PIXEL grey_lanes __attribute__((ext_vector_type(LANES), aligned(1)));
 typedef PIXEL colour_lanes __attribute__((ext_vector_type(3 * LANES), aligned(1)));
 typedef PIXEL padded_lanes __attribute__((ext_vector_type(4 * LANES)));
+#define SPAN 128
 
 // For each pixel of a block: index of the upper left one of its four neighbours, how far it lies from it, and 1 where
 // it lies inside the raw picture, else 0.
@@ -49,12 +29,6 @@ typedef struct {
 
 // The first of LANES pixels of a row; the last ones of a row overlap with those before.
 inline int lanes_start(int x, int width) { return x + LANES <= width ? x : width - LANES; }
-
-// Levels of one channel, from its first bit on.
-inline lanes levels(four_lanes four, int shift)
-{
-    return __builtin_convertvector(__builtin_convertvector(four >> shift, int_lanes) & LARGEST, lanes);
-}
 
 // Bilinear values, rounded; 0 where not inside. The same order of operations as in sampling.h.
 inline int_lanes blend(

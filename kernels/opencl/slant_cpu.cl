@@ -5,18 +5,9 @@
 // picture hold what all three sample there, as long as the places are at most a pixel apart.
 #include "lanes.h"
 #include "slant_pixel.h"
+#include "quarters.h"
 #define INLINE inline __attribute__((always_inline))
 #define FURTHEST_STEP 0.5f
-typedef float four __attribute__((ext_vector_type(4), aligned(4)));
-
-#if LANES == 16
-#define QUARTER(get, i) (lanes)(get(i), get(i + 4), get(i + 8), get(i + 12))
-#define QUARTERS(a, b, p, q, r, s) __builtin_shufflevector(a, b, p, q, r, s, \
-    p + 4, q + 4, r + 4, s + 4, p + 8, q + 8, r + 8, s + 8, p + 12, q + 12, r + 12, s + 12)
-#else
-#define QUARTER(get, i) (lanes)(get(i), get(i + 4))
-#define QUARTERS(a, b, p, q, r, s) __builtin_shufflevector(a, b, p, q, r, s, p + 4, q + 4, r + 4, s + 4)
-#endif
 
 // What one of the three windows has summed up.
 typedef struct {
@@ -117,22 +108,11 @@ INLINE float smallest(lanes v)
 INLINE void load_four(
     __global const float *row, int_lanes index, int width, int beyond, lanes *t0, lanes *t1, lanes *t2, lanes *t3)
 {
-#ifdef __AVX2__
     if (!beyond) {
         index = index < 0 ? 0 : index;
-        index = index > width - 4 ? width - 4 : index;
-        const int *column = (const int *)&index;
-#define FOUR(k) *(__global const four *)(row + column[k])
-        lanes p = QUARTER(FOUR, 0), q = QUARTER(FOUR, 1), r = QUARTER(FOUR, 2), s = QUARTER(FOUR, 3);
-        lanes pq = QUARTERS(p, q, 0, LANES, 1, LANES + 1), rs = QUARTERS(r, s, 0, LANES, 1, LANES + 1);
-        *t0 = QUARTERS(pq, rs, 0, 1, LANES, LANES + 1);
-        *t1 = QUARTERS(pq, rs, 2, 3, LANES + 2, LANES + 3);
-        pq = QUARTERS(p, q, 2, LANES + 2, 3, LANES + 3), rs = QUARTERS(r, s, 2, LANES + 2, 3, LANES + 3);
-        *t2 = QUARTERS(pq, rs, 0, 1, LANES, LANES + 1);
-        *t3 = QUARTERS(pq, rs, 2, 3, LANES + 2, LANES + 3);
+        load_fours(row, index > width - 4 ? width - 4 : index, t0, t1, t2, t3);
         return;
     }
-#endif
     for (int k = 0; k < LANES; k++) {
         (*t0)[k] = row[clamp_index(index[k], width)];
         (*t1)[k] = row[clamp_index(index[k] + 1, width)];
