@@ -1,5 +1,10 @@
 """The seam to the devices: names, what is told of what is missing, memory, and wrong calls."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -30,6 +35,63 @@ def test_every_listed_device_opens_by_its_name():
             backend = open_backend(status.name)
             assert backend.name == status.name and backend.kind == status.kind
             assert open_backend(status.name) is backend  # opened once
+
+
+TWINS = """
+import sys
+import numpy as np
+from stereo_gpu.backends import devices, open_backend
+from stereo_gpu.errors import BackendError
+first = sys.argv[1]
+second = first + "#2"
+assert {first, second} <= {status.name for status in devices() if status.available}
+for name in (first, second):
+    backend = open_backend(name)
+    assert backend.name == name
+    assert (backend.download(backend.upload(np.arange(9))) == np.arange(9)).all()
+part = first.removeprefix("opencl:").lower()
+assert open_backend(f"opencl:{part}").name == first
+assert open_backend(f"opencl:{part}#2").name == second
+for number in ("0", "3", "x"):
+    try:
+        open_backend(f"opencl:{part}#{number}")
+    except BackendError as error:
+        assert second in str(error)
+    else:
+        raise AssertionError(number)
+"""
+
+
+def test_equal_devices_have_names_of_their_own():
+    backend = open_backend("opencl")
+    if "PoCL" not in backend.device:
+        pytest.skip("only PoCL can be asked for a second device")
+    subprocess.run(
+        [sys.executable, "-c", TWINS, backend.name], env={**os.environ, "POCL_DEVICES": "pthread pthread"}, check=True
+    )
+
+
+def test_an_unknown_processor_is_named_by_its_instructions():
+    import pyopencl as cl
+
+    from stereo_gpu.backends import pocl
+
+    backend = open_backend("opencl")
+    device = next(d for p in cl.get_platforms() for d in p.get_devices() if backend.device.startswith(d.name.strip()))
+    named = pocl.processor(device)
+    if not named:
+        assert pocl.build_options(device) == []
+        pytest.skip(f"{backend.device} knows its processor")
+    assert backend.compiler.endswith(f", for {named}")
+    flags = Path("/proc/cpuinfo").read_text().split()
+    for macro, flag in (("__AVX512BW__", "avx512bw"), ("__AVX2__", "avx2"), ("__SSE4_2__", "sse4_2")):
+        text = f"#ifndef {macro}\n#error no {macro}\n#endif\n__kernel void k(__global int *a) {{ a[0] = 1; }}"
+        program = cl.Program(cl.Context([device]), text)
+        if flag in flags:
+            program.build(options=pocl.build_options(device))
+        else:
+            with pytest.raises(cl.RuntimeError, match=f"no {macro}"):
+                program.build(options=pocl.build_options(device))
 
 
 @pytest.mark.parametrize("name", ["abacus", "cuda:0", "opencl:no such device", "warp:cuda:99", "warp:tpu"])

@@ -72,7 +72,7 @@ def open_device(part: str = "", form: Kind | None = None, limits: Limits = Limit
         name, device = fitting[place]
         return OpenCLBackend(device, form, limits, name)
     what = f"no OpenCL device has {part!r} in its name" if part else "no OpenCL device can be used"
-    there = "; ".join(f"{s.label}" + (f" ({s.reason})" if s.reason else "") for s in listed)
+    there = "; ".join(s.name + (f" ({s.reason})" if s.reason else "") for s in listed)
     raise BackendError(f"{what}; there is: {there}. Mend: choose one of `stereo-gpu devices`, or {_INSTALL}")
 
 
@@ -95,7 +95,8 @@ class OpenCLBackend(Backend):
         self.name = name or f"opencl:{device.name.strip()}"
         self.device = f"{device.name.strip()}, {device.platform.name.strip()}, {device.version.strip()}"
         self.driver = f"{device.platform.name.strip()} {device.driver_version.strip()}"
-        self.compiler = " ".join([*device.platform.version.split(), *pocl.build_options(device)])
+        named = pocl.processor(device)
+        self.compiler = " ".join(device.platform.version.split()) + (f", for {named}" if named else "")
         self.kind: Kind = _kind(device)
         self.form: Kind = form or self.kind
         self._group_limit = min(device.max_work_item_sizes[0], limits.work_group or device.max_work_group_size)

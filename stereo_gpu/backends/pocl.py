@@ -42,6 +42,11 @@ def obstacle(device: cl.Device) -> tuple[str, str]:
     return "", ""
 
 
+def processor(device: cl.Device) -> str:
+    """The processor that kernels are built for in the place of one that PoCL does not know; else empty."""
+    return _name_processor(device) if _is_pocl(device) and _is_unknown(device) else ""
+
+
 def build_options(device: cl.Device) -> list[str]:
     """Options for every program on a device.
 
@@ -49,9 +54,8 @@ def build_options(device: cl.Device) -> list[str]:
     stays "generic". The name in force goes into the options, or a program that was built for another processor
     could be taken from a folder that two machines share.
     """
-    if not (_is_pocl(device) and _is_unknown(device)):
-        return []
-    return [f"-DPOCL_PROCESSOR={_name_processor(device)}"]
+    named = processor(device)
+    return [f"-DPOCL_PROCESSOR={named}"] if named else []
 
 
 def _is_pocl(device: cl.Device) -> bool:
