@@ -29,6 +29,7 @@ BANDED = frozenset(
         "smooth",
         "support",
         "triangulate",
+        "wta",
     }
 )
 

@@ -252,3 +252,34 @@ def test_dilate(forms, share, size):
         width=size[0],
         height=size[1],
     )
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+@pytest.mark.parametrize(("smallest", "disparities"), [(0, 1), (3, 8), (-20, 37), (0, 33), (2, 200), (400, 16)])
+@pytest.mark.parametrize("size", SIZES)
+def test_wta(forms, direction, smallest, disparities, size):
+    width, height = size
+    rng = np.random.default_rng(11)
+    # Few levels, so that many scores are equal.
+    volume = rng.integers(-4, 9, (height, width, disparities)) / 8
+    volume[0, 0] = 0
+    found = assert_same(
+        forms,
+        "wta",
+        {
+            "disparity_out": junk((height, width), np.float32),
+            "score_out": junk((height, width), np.float32),
+            "ratio_out": junk((height, width), np.float32),
+            "validity_out": junk((height, width), np.uint8),
+            "other_out": np.zeros((height, width), np.int32),
+        },
+        volume=volume.astype(np.float32),
+        validity=np.where(rng.random((height, width)) < 0.3, 16, 0).astype(np.uint8),
+        width=width,
+        height=height,
+        smallest=smallest,
+        disparities=disparities,
+        direction=direction,
+        subpixel=1,
+    )
+    assert np.isnan(found["disparity_out"][0, 0])
