@@ -3,15 +3,6 @@
 #define NO_MATCH 255
 #define UNSEEN 254
 
-// Number of ones in a number of 31 bits, by adding up neighbouring groups.
-inline int count_bits(int bits)
-{
-    int pairs = bits - ((bits >> 1) & 0x55555555);
-    int fours = (pairs & 0x33333333) + ((pairs >> 2) & 0x33333333);
-    int eights = (fours + (fours >> 4)) & 0x0F0F0F0F;
-    return (eights + (eights >> 8) + (eights >> 16) + (eights >> 24)) & 63;
-}
-
 // Hamming distance, 0..62, of reference(x, y) and other(x + direction d, y), (H, W, D) with d fastest.
 // UNSEEN where the other pixel is outside of the picture, NO_MATCH where either one is masked.
 __kernel void census_volume(
@@ -35,7 +26,7 @@ __kernel void census_volume(
     if (reference_validity[pixel] != MASKED && (u < 0 || u >= width))
         cost = UNSEEN;
     else if (reference_validity[pixel] != MASKED && other_validity[at] != MASKED)
-        cost = count_bits(reference_bits[pixel * 2] ^ other_bits[at * 2])
-               + count_bits(reference_bits[pixel * 2 + 1] ^ other_bits[at * 2 + 1]);
+        cost = (int)popcount(reference_bits[pixel * 2] ^ other_bits[at * 2])
+               + (int)popcount(reference_bits[pixel * 2 + 1] ^ other_bits[at * 2 + 1]);
     cost_out[(long)pixel * disparities + i] = cost;
 }

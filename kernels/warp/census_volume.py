@@ -9,13 +9,16 @@ NO_MATCH = wp.constant(255)
 UNSEEN = wp.constant(254)
 
 
-@wp.func
+@wp.func_native("""
+#if defined(__CUDA_ARCH__)
+    return __popc(bits);
+#else
+    return __builtin_popcount(bits);
+#endif
+""")
 def count_bits(bits: int) -> int:
-    """Number of ones in a number of 31 bits, by adding up neighbouring groups."""
-    pairs = bits - ((bits >> 1) & 0x55555555)
-    fours = (pairs & 0x33333333) + ((pairs >> 2) & 0x33333333)
-    eights = (fours + (fours >> 4)) & 0x0F0F0F0F
-    return (eights + (eights >> 8) + (eights >> 16) + (eights >> 24)) & 63
+    """Number of ones in a number."""
+    ...
 
 
 @wp.kernel

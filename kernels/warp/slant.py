@@ -142,7 +142,8 @@ def leaning_ncc(
     return (sum_ab - sum_a * sum_b / count) / wp.sqrt(energy)
 
 
-@wp.kernel
+# Half of a multiprocessor's threads at least; Warp's loop over the grid would take registers for its counters.
+@wp.kernel(launch_bounds=(256, 4), grid_stride=False)
 def slant(
     # In:
     reference: wp.array(dtype=float),
