@@ -2,8 +2,8 @@
 
 Counts are for each cell (pixel and disparity) or pixel. Bytes pass to or from the device's memory, each value once
 where a cache can be trusted to hold it; words of 32 bits pass to or from shared (local) memory; operations are those of
-one lane, loops and addresses included as far as compilers leave them. The machine code of ncc_wta for sm_90 has about 45
-instructions a cell at window 11, 128 disparities and long strips, of which the formulas count 40.
+one lane, loops and addresses included as far as compilers leave them. The machine code of ncc_wta for sm_90 has about
+45 instructions a cell at window 11, 128 disparities and long strips, of which the formulas count 40.
 """
 
 from __future__ import annotations
