@@ -12,7 +12,7 @@ from stereo_gpu.prepare import prepare_view
 from stereo_gpu.refine import better, complete, lean, verify
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.types import Disparity, Floats, Validity, View
-from stereo_gpu.winners import Winners, find_winners, scratch_bytes, volume_bytes
+from stereo_gpu.winners import Winners, find_winners, make_volumes, scratch_bytes, volume_bytes
 
 # A map is believed if this share of its pixels has an NCC over that.
 SURE_SHARE, SURE_SCORE = 0.05, 0.5
@@ -54,9 +54,13 @@ def match_on(
     ours, theirs = views if reference is View.LEFT else views[::-1]
     search = {"smallest": smallest, "disparities": disparities, "direction": 1 if reference is View.RIGHT else -1}
     found: Winners | None = None
+    # Fresh memory costs as much as several paths, so that the slopes share it.
+    volumes = make_volumes(backend, left.shape[1], left.shape[0], disparities) if options.smooth_paths else None
     for row_slope in options.row_slopes:
         with watch.step("correlation"):
-            winners = find_winners(backend, ours, theirs, **search, row_slope=row_slope, options=options)
+            winners = find_winners(
+                backend, ours, theirs, **search, row_slope=row_slope, options=options, volumes=volumes
+            )
             backend.finish()
         with watch.step("refinement"):
             winners = verify(backend, winners, **search, options=options)
@@ -73,6 +77,7 @@ def match_on(
             found = winners if found is None else better(backend, found, winners)
             backend.finish()
     assert found is not None  # there is always a first slope
+    volumes = None
     with watch.step("refinement"):
         found = complete(backend, found, options)
         # Once more, now that holes are filled and the two slopes' maps meet.

@@ -35,6 +35,20 @@ class Winners:
     other: DeviceArray
 
 
+@dataclass(frozen=True, kw_only=True)
+class Volumes:
+    """Memory of smooth paths on the device, (H, W, D): uint8 costs, and float32 sums of what the paths save."""
+
+    cost: DeviceArray
+    saved: DeviceArray
+
+
+def make_volumes(backend: Backend, width: int, height: int, disparities: int) -> Volumes:
+    """Take the memory that smooth paths need."""
+    shape = (height, width, disparities)
+    return Volumes(cost=backend.empty(shape, np.uint8), saved=backend.empty(shape, np.float32))
+
+
 def find_winners(
     backend: Backend,
     ours: DeviceView,
@@ -45,6 +59,7 @@ def find_winners(
     direction: int,
     options: MatchOptions,
     row_slope: int = 0,
+    volumes: Volumes | None = None,
 ) -> Winners:
     """Find the best disparity of every pixel of our view, and of theirs.
 
@@ -55,6 +70,7 @@ def find_winners(
         direction: 1 for the right view as reference, -1 for the left one.
         options: which measure, and its window or penalties.
         row_slope: disparity change a row, px, of the surfaces that smooth paths and census windows expect.
+        volumes: memory for smooth paths, which may have been used before; None takes some.
     """
     height, width = ours.grey.shape
     found = Winners(
@@ -75,8 +91,9 @@ def find_winners(
     search: dict[str, Any] = {"smallest": smallest, "disparities": disparities, "direction": direction}
     take: dict[str, Any] = {"validity": ours.validity, "subpixel": int(options.subpixel)}
     if options.smooth_paths:
-        volume = _smoothed_volume(backend, ours, theirs, size, search, row_slope, options)
-        backend.launch("wta", volume=volume, **take, **size, **search, **outputs)
+        volumes = volumes or make_volumes(backend, width, height, disparities)
+        _smooth(backend, ours, theirs, size, search, row_slope, options, volumes)
+        backend.launch("wta", volume=volumes.saved, **take, **size, **search, **outputs)
         return found
     views: dict[str, Any] = {
         "reference": ours.grey,
@@ -110,7 +127,7 @@ def scratch_bytes(backend: Backend, width: int, height: int, disparities: int, o
     return 0 if options.whole_volume else backend.scratch_bytes("ncc_wta", **size, radius=options.window // 2)
 
 
-def _smoothed_volume(
+def _smooth(
     backend: Backend,
     ours: DeviceView,
     theirs: DeviceView,
@@ -118,14 +135,14 @@ def _smoothed_volume(
     search: dict[str, Any],
     row_slope: int,
     options: MatchOptions,
-) -> DeviceArray:
+    volumes: Volumes,
+) -> None:
     """Census costs, aggregated along 8 paths: larger is better, 0 where there is no match."""
     height, width = ours.grey.shape
     bits = []
     for view, row_shift in ((ours, 0), (theirs, search["direction"] * row_slope)):
         bits.append(backend.empty((height, width, 2), np.int32))
         backend.launch("census", picture=view.grey, **size, row_shift=row_shift, bits_out=bits[-1])
-    cost = backend.empty((height, width, search["disparities"]), np.uint8)
     backend.launch(
         "census_volume",
         reference_bits=bits[0],
@@ -134,13 +151,13 @@ def _smoothed_volume(
         other_validity=theirs.validity,
         **size,
         **search,
-        cost_out=cost,
+        cost_out=volumes.cost,
     )
-    volume = backend.zeros((height, width, search["disparities"]), np.float32)
+    backend.clear(volumes.saved)
     for step_x, step_y in EIGHT_PATHS:
         backend.launch(
             "aggregate",
-            cost=cost,
+            cost=volumes.cost,
             picture=ours.grey,
             **size,
             disparities=search["disparities"],
@@ -152,6 +169,5 @@ def _smoothed_volume(
             edge_penalty=options.edge_penalty,
             edge=options.edge_grey,
             weight=PATH_WEIGHT,
-            volume_out=volume,
+            volume_out=volumes.saved,
         )
-    return volume

@@ -83,6 +83,10 @@ class Backend(ABC):
         """Make an array of zeros on the device."""
 
     @abstractmethod
+    def clear(self, array: DeviceArray) -> None:
+        """Fill an array on the device with zeros."""
+
+    @abstractmethod
     def download(self, array: DeviceArray) -> NDArray[Any]:
         """Copy an array back to the host, after all launches so far."""
 

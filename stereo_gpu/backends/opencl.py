@@ -125,11 +125,16 @@ class OpenCLBackend(Backend):
 
     def zeros(self, shape: tuple[int, ...], dtype: DTypeLike) -> DeviceArray:
         """Make an array of zeros on the device."""
-        if self._simulated:
-            return self.upload(np.zeros(shape, dtype))
         array = self.empty(shape, dtype)
-        cl.enqueue_fill_buffer(self._queue, array.handle, np.uint8(0), 0, array.handle.size)
+        self.clear(array)
         return array
+
+    def clear(self, array: DeviceArray) -> None:
+        """Fill an array on the device with zeros."""
+        if self._simulated:
+            cl.enqueue_copy(self._queue, array.handle, np.zeros(array.shape, array.dtype))
+        else:
+            cl.enqueue_fill_buffer(self._queue, array.handle, np.uint8(0), 0, array.handle.size)
 
     def download(self, array: DeviceArray) -> NDArray[Any]:
         """Copy an array back to the host, after all launches so far."""

@@ -110,6 +110,10 @@ class WarpBackend(Backend):
         """Make an array of zeros on the device."""
         return self._make(wp.zeros, shape, dtype)
 
+    def clear(self, array: DeviceArray) -> None:
+        """Fill an array on the device with zeros."""
+        array.handle.zero_()
+
     def download(self, array: DeviceArray) -> NDArray[Any]:
         """Copy an array back to the host, after all launches so far."""
         result: NDArray[Any] = array.handle.numpy().reshape(array.shape)
