@@ -6,7 +6,8 @@
 #endif
 // Put before a short loop over private vectors, which then stay in registers; PoCL leaves loops as they are.
 #define UNROLL _Pragma("unroll")
-#define BLOCK (40 * LANES) // columns that a work-item takes at a time: long runs of memory, short enough for the cache
+// Columns that a work-item takes at a time: mostly whole rows, since memory is read fastest from end to end.
+#define BLOCK (160 * LANES)
 typedef float lanes __attribute__((ext_vector_type(LANES), aligned(4)));
 typedef int int_lanes __attribute__((ext_vector_type(LANES), aligned(4)));
 // For private arrays, whose whole vectors then lie in one line of the cache each.

@@ -4,6 +4,7 @@
 // Every lane of a vector is one pixel's selection, by compare and exchange alone.
 #include "lanes.h"
 #define LARGEST 7
+#define WORDS (BLOCK / LANES / 64 + 1)
 // Called, they would keep their values in memory.
 #define INLINE inline __attribute__((always_inline))
 
@@ -84,7 +85,7 @@ __kernel void median(
     int radius = size / 2;
     float ring[LARGEST][BLOCK + LANES] ALIGNED;
     float low[BLOCK + LANES] ALIGNED, middle[BLOCK + LANES] ALIGNED, high[BLOCK + LANES] ALIGNED; // of columns of three
-    ulong incomplete[LARGEST]; // one bit a vector of a row in the ring; BLOCK has fewer than 64 vectors
+    ulong incomplete[LARGEST][WORDS], gaps[WORDS]; // one bit a vector where a value is missing
     for (int start = 0; start < width; start += BLOCK) {
         int columns = start + BLOCK < width ? BLOCK : width - start, used = columns + 2 * radius;
         for (int y = band.x - radius; y < band.y + radius; y++) {
@@ -95,12 +96,17 @@ __kernel void median(
             } else {
                 for (int k = 0; k < used; k += LANES) *(lanes *)(line + k) = (lanes)(NAN);
             }
-            ulong gaps = 0;
-            for (int k = 0; k < used; k += LANES)
-                gaps |= (ulong)any_lane(*(lanes *)(line + k) != *(lanes *)(line + k)) << (k / LANES);
-            incomplete[entering] = gaps;
+            for (int word = 0, k = 0; word < WORDS; word++) {
+                ulong bits = 0;
+                for (int bit = 0; bit < 64 && k < used; bit++, k += LANES)
+                    bits |= (ulong)any_lane(*(lanes *)(line + k) != *(lanes *)(line + k)) << bit;
+                incomplete[entering][word] = bits;
+            }
             if (y < band.x + radius) continue;
-            for (int k = 0; k < size; k++) gaps |= incomplete[k];
+            for (int word = 0; word < WORDS; word++) {
+                gaps[word] = 0;
+                for (int k = 0; k < size; k++) gaps[word] |= incomplete[k][word];
+            }
             for (int k = 0; size == 3 && k < used; k += LANES) {
                 lanes v[3] = {*(lanes *)(ring[0] + k), *(lanes *)(ring[1] + k), *(lanes *)(ring[2] + k)};
                 O(0, 1) O(1, 2) O(0, 1)
@@ -110,9 +116,10 @@ __kernel void median(
             }
             float *centre = ring[(entering + size - radius) % size] + radius;
             __global float *row_out = disparity_out + (long)(y - radius) * width;
-            for (int x = 0; x < columns; x += LANES, gaps >>= 1) {
+            for (int x = 0; x < columns; x += LANES) {
                 lanes value = *(lanes *)(centre + x), result;
-                int gap = (gaps & 3) != 0;
+                int first = x / LANES, second = first + 1;
+                int gap = (gaps[first / 64] >> first % 64 | gaps[second / 64] >> second % 64) & 1;
                 if (size == 3 && !gap) {
                     lanes v[9];
                     UNROLL for (int k = 0; k < 3; k++) {
