@@ -224,12 +224,18 @@ def bench(options: argparse.Namespace) -> None:
         found = compare(old, run, options.limit)
         for line in comparison_lines(found):
             say(line)
+        complaints = []
         if found.slower:
             names = ", ".join(dict.fromkeys(change.row.name for change in found.slower))
-            raise StereoError(
+            complaints.append(
                 f"{len(found.slower)} of {len(found.changes)} cases are over {options.limit:g} times slower than in"
                 f" {options.compare}: {names}; run again on a quiet machine to be sure"
             )
+        if found.stopped:
+            reasons = "; ".join(dict.fromkeys(f"{row.name} ({row.note or 'no reason given'})" for row in found.stopped))
+            complaints.append(f"{len(found.stopped)} cases that ran in {options.compare} run no more: {reasons}")
+        if complaints:
+            raise StereoError("; ".join(complaints))
 
 
 def split_pictures(given: Sequence[str]) -> tuple[list[Path], list[Path]]:

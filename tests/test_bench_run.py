@@ -115,6 +115,42 @@ def test_tells_what_is_missing_and_that_machines_differ():
     assert any(line.startswith("not in this run: 6 cases (ncc_wta on warp:cpu") for line in lines)
 
 
+def without_times(run, note, names=("grey",)):
+    """The run with some of its cases not run, for a reason."""
+    rows = (
+        dataclasses.replace(r, wall=None, on_device=None, stereobm_wall=None, note=note) if r.name in names else r
+        for r in run.rows
+    )
+    return dataclasses.replace(run, rows=tuple(rows))
+
+
+@pytest.mark.parametrize("names", [("grey",), ("ncc_wta", "grey", "match fast")])
+def test_a_case_that_runs_no_more_is_past_the_limit(saved, capsys, names):
+    broken = without_times(made_up_run(), "not run: kernel grey does not compile", names)
+    old, new = saved("old.json", made_up_run()), saved("new.json", broken)
+    assert main(["bench", "--load", new, "--compare", old]) == 1
+    said = capsys.readouterr()
+    assert "ran before: grey on warp:cpu, 640 x 480 x 64: not run: kernel grey does not compile" in said.out
+    assert said.err.count("\n") == 1
+    assert f"{4 * len(names)} cases that ran in {old} run no more: " in said.err
+    assert "grey (not run: kernel grey does not compile)" in said.err
+    # What did not run before either is no loss.
+    assert main(["bench", "--load", new, "--compare", new]) == (0 if names == ("grey",) else 2)
+
+
+def test_a_case_without_a_time_or_a_reason_is_past_the_limit(saved, capsys):
+    old, new = saved("old.json", made_up_run(1.3)), saved("new.json", without_times(made_up_run(), ""))
+    assert main(["bench", "--load", new, "--compare", old]) == 1
+    assert "grey (no reason given)" in capsys.readouterr().err
+
+
+def test_a_case_left_out_for_the_cap_is_told_only(saved, capsys):
+    note = "not run: about 99 s a run going by 640 x 480 x 64; --cap is 60 s"
+    old, new = saved("old.json", made_up_run()), saved("new.json", without_times(made_up_run(), note))
+    assert main(["bench", "--load", new, "--compare", old]) == 0
+    assert f"left out: grey on opencl:one, 1280 x 960 x 128: {note}" in capsys.readouterr().out
+
+
 def test_nothing_in_common():
     with pytest.raises(InputError, match="no case in common"):
         compare(made_up_run(devices=("opencl:one",)), made_up_run(devices=("warp:cpu",)))

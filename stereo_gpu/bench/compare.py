@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from stereo_gpu.bench.record import BenchRun, Row
+from stereo_gpu.bench.record import TOO_LONG, BenchRun, Row
 from stereo_gpu.errors import InputError
 
 LIMIT = 1.15
@@ -39,12 +39,16 @@ class Comparison:
 
     Args:
         changes: cases of both, the one that lost most first.
-        missing: cases of the old run that this one has not, or could not run.
+        stopped: cases that ran before and were asked for again, but failed; their notes say why.
+        left_out: cases that ran before and were left out now, since they would take longer than the cap.
+        missing: cases of the old run that this one was not asked for.
         same_machine: whether processor and number of cores agree.
         limit: factor past which a case counts as slower.
     """
 
     changes: tuple[Change, ...]
+    stopped: tuple[Row, ...]
+    left_out: tuple[Row, ...]
     missing: tuple[Row, ...]
     same_machine: bool
     limit: float
@@ -62,27 +66,32 @@ def compare(old: BenchRun, new: BenchRun, limit: float = LIMIT) -> Comparison:
     than on another, and StereoBM with it.
 
     Raises:
-        InputError: the runs have no case in common, or the limit is not above 1.
+        InputError: there is no case that both ran or that stopped running, or the limit is not above 1.
     """
     check_limit(limit)
-    now = {row.key: row for row in new.rows if row.kind != "peer" and row.wall}
-    changes, missing = [], []
+    now = {row.key: row for row in new.rows if row.kind != "peer"}
+    changes, stopped, left_out, missing = [], [], [], []
     for before in old.rows:
         if before.kind == "peer" or before.wall is None:
             continue
         row = now.get(before.key)
-        if row is None or row.wall is None:
+        if row is None:
             missing.append(before)
+            continue
+        if row.wall is None:
+            (left_out if row.note.startswith(TOO_LONG) else stopped).append(row)
             continue
         first, second = before.to_stereobm, row.to_stereobm
         relative = first is not None and second is not None
         if first is None or second is None:
             first, second = before.wall.median, row.wall.median
         changes.append(Change(row=row, old=first, new=second, relative=relative))
-    if not changes:
+    if not changes and not stopped:
         raise InputError("the two runs have no case in common: compare runs of the same sizes, window and devices")
     return Comparison(
         changes=tuple(sorted(changes, key=lambda change: -change.factor)),
+        stopped=tuple(stopped),
+        left_out=tuple(left_out),
         missing=tuple(missing),
         same_machine=all(old.machine.get(name) == new.machine.get(name) for name in ("processor", "cores")),
         limit=limit,
@@ -106,16 +115,23 @@ def comparison_lines(found: Comparison) -> Iterator[str]:
         yield "the two runs are of different machines: their ratios to StereoBM need not agree"
     changed = [c for c in found.changes if not 1 / WORTH_TELLING < c.factor < WORTH_TELLING]
     for change in changed:
-        row, what = change.row, "x StereoBM" if change.relative else "s"
+        what = "x StereoBM" if change.relative else "s"
         word = "slower" if change.factor > 1 else "faster"
         factor = max(change.factor, 1 / change.factor)
         mark = "  <- past the limit" if change.factor > found.limit else ""
         yield (
-            f"{factor:6.2f} times {word}: {row.name} on {row.device}, {row.width} x {row.height} x"
-            f" {row.disparities}: {change.old:.3g} -> {change.new:.3g} {what}{mark}"
+            f"{factor:6.2f} times {word}: {_case_words(change.row)}: {change.old:.3g} -> {change.new:.3g} {what}{mark}"
         )
+    for row in found.stopped:
+        yield f"ran before: {_case_words(row)}: {row.note or 'no time, and no reason given'}  <- past the limit"
+    for row in found.left_out:
+        yield f"left out: {_case_words(row)}: {row.note}"
     same = len(found.changes) - len(changed)
     yield f"{len(found.changes)} cases compared, {same} of them within {WORTH_TELLING - 1:.0%} of before"
     if found.missing:
         names = ", ".join(dict.fromkeys(f"{row.name} on {row.device}" for row in found.missing))
         yield f"not in this run: {len(found.missing)} cases ({names})"
+
+
+def _case_words(row: Row) -> str:
+    return f"{row.name} on {row.device}, {row.width} x {row.height} x {row.disparities}"

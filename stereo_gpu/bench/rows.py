@@ -14,7 +14,7 @@ from stereo_gpu.backends.contract import host_memory
 from stereo_gpu.bench.cases import KernelCase, ProfileCase, options_of
 from stereo_gpu.bench.launches import catch_launches, compulsory
 from stereo_gpu.bench.peers import STEREO_BM, Peer
-from stereo_gpu.bench.record import OPENCV, Row
+from stereo_gpu.bench.record import OPENCV, TOO_LONG, Row
 from stereo_gpu.bench.scene import BenchScene
 from stereo_gpu.bench.timing import FEWEST_REPEATS, Measured, Work, measure
 from stereo_gpu.device_match import check_match_memory
@@ -124,7 +124,7 @@ def time_case(
         expected, smaller = expected + before, smaller or other
     if expected > cap:
         what = f"a run, with {after} before it," if after else "a run"
-        return replace(row, note=f"not run: about {expected:,.0f} s {what} going by {smaller}; --cap is {cap:g} s")
+        return replace(row, note=f"{TOO_LONG}{expected:,.0f} s {what} going by {smaller}; --cap is {cap:g} s")
     try:
         _prepare(case, device, small)[0]()
         run, known = _prepare(case, device, scene)
