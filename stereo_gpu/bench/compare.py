@@ -70,7 +70,10 @@ def compare(old: BenchRun, new: BenchRun, limit: float = LIMIT) -> Comparison:
     """
     check_limit(limit)
     now = {row.key: row for row in new.rows if row.kind != "peer"}
-    changes, stopped, left_out, missing = [], [], [], []
+    changes: list[Change] = []
+    stopped: list[Row] = []
+    left_out: list[Row] = []
+    missing: list[Row] = []
     for before in old.rows:
         if before.kind == "peer" or before.wall is None:
             continue

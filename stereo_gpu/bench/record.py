@@ -8,6 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from stereo_gpu.bench.checks import (
+    check_facts,
+    check_machine,
+    check_method,
+    check_row,
+    check_times,
+    check_took,
+    check_words,
+)
 from stereo_gpu.bench.machine import DeviceFacts
 from stereo_gpu.bench.timing import Times
 from stereo_gpu.errors import InputError
@@ -185,31 +194,39 @@ class BenchRun:
 
 
 def _parse(content: dict[str, Any]) -> BenchRun:
-    rows = []
-    for held in content["rows"]:
-        fields = {name: value for name, value in held.items() if name != "derived"}
-        for name in ("wall", "on_device", "peer_wall", "stereobm_wall"):
-            fields[name] = None if fields[name] is None else _times(fields[name])
-        row = Row(**fields)
-        if not all(isinstance(side, int) and side > 0 for side in (*row.size, row.window)):
-            raise ValueError(f"a row of size {row.size}, window {row.window}")
-        rows.append(row)
+    devices = tuple(DeviceFacts(**facts) for facts in content["devices"])
+    for facts in devices:
+        check_facts(facts)
+    rows = tuple(_row(held) for held in content["rows"])
     if not rows:
         raise ValueError("no rows")
+    names = {facts.name for facts in devices}
+    for row in rows:
+        if row.device not in ({OPENCV} if row.kind == "peer" else names):
+            raise ValueError(f"row {row.name} on {row.device}, which is none of its devices")
+    machine, method, peers = dict(content["machine"]), dict(content["method"]), content["peers"]
+    check_machine(machine)
+    check_method(method)
+    check_words(peers, "peers")
+    check_words({"started": content["started"]}, "run")
+    check_took(content["took"])
     return BenchRun(
-        started=str(content["started"]),
-        took=float(content["took"]),
-        method=dict(content["method"]),
-        machine=dict(content["machine"]),
-        peers=dict(content["peers"]),
-        devices=tuple(DeviceFacts(**facts) for facts in content["devices"]),
-        rows=tuple(rows),
+        started=content["started"],
+        took=content["took"],
+        method=method,
+        machine=machine,
+        peers=peers,
+        devices=devices,
+        rows=rows,
     )
 
 
-def _times(held: dict[str, Any]) -> Times:
-    times = Times(**held)
-    ordered = 0 <= float(times.lowest) <= float(times.median) <= float(times.highest)
-    if not (ordered and times.median > 0 and int(times.repeats) > 0):
-        raise ValueError(f"times {held}")
-    return times
+def _row(held: dict[str, Any]) -> Row:
+    fields = {name: value for name, value in held.items() if name != "derived"}
+    for name in ("wall", "on_device", "peer_wall", "stereobm_wall"):
+        if fields[name] is not None:
+            fields[name] = Times(**fields[name])
+            check_times(fields[name], f"times {name}")
+    row = Row(**fields)
+    check_row(row)
+    return row
