@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import logging
 import os
+import threading
 from functools import cache
 
 from stereo_gpu.backends.contract import Backend, DeviceArray, DeviceStatus
@@ -15,6 +16,10 @@ from stereo_gpu.errors import BackendError
 __all__ = ["Backend", "DeviceArray", "DeviceStatus", "devices", "open_backend"]
 
 _log = logging.getLogger(__name__)
+# Backends by every name that opened them. A device has one, with one queue and one scratch, whatever it was called.
+_opened: dict[str, Backend] = {}
+# Drivers and compilers are started by one thread.
+_opening = threading.Lock()
 _INSTALL = {"warp": "pip install warp-lang", "opencl": "pip install pyopencl pocl-binary-distribution"}
 
 
@@ -30,14 +35,21 @@ def open_backend(name: str | None = None) -> Backend:
     Raises:
         BackendError: there is no such device; the message lists those that are.
     """
-    wanted = name or os.environ.get("STEREO_GPU_BACKEND") or _best()
-    backend = _open(wanted)
+    with _opening:
+        wanted = name or os.environ.get("STEREO_GPU_BACKEND") or _best()
+        backend = _open(wanted)
     _log.info("backend %s: %s", backend.name, backend.device)
     return backend
 
 
-@cache
 def _open(name: str) -> Backend:
+    if name not in _opened:
+        backend = _load(name)
+        _opened[name] = _opened.setdefault(backend.name, backend)
+    return _opened[name]
+
+
+def _load(name: str) -> Backend:
     language, _, part = name.partition(":")
     try:
         if language == "warp":

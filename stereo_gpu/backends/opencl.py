@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import threading
 import warnings
 from collections import Counter
@@ -22,6 +23,8 @@ from stereo_gpu.kernels.geometry import Geometry, geometry
 from stereo_gpu.kernels.opencl import parameters, source
 
 _log = logging.getLogger(__name__)
+# The process that asked the drivers first: their threads do not live on in one that is forked off it.
+_process: list[int] = []
 _ELEMENTS = {"float": np.float32, "int": np.int32, "uchar": np.uint8}
 _PIXELS = {np.dtype(np.uint8): "uchar", np.dtype(np.uint16): "ushort", np.dtype(np.float32): "float"}
 _INSTALL = "pip install pocl-binary-distribution, or apt-get install pocl-opencl-icd"
@@ -205,6 +208,7 @@ class OpenCLBackend(Backend):
         return geometry(kernel, "opencl", self.form, arguments, self._device.max_compute_units)
 
     def _buffer(self, size: int) -> cl.Buffer:
+        _check_process()
         try:
             buffer = cl.Buffer(self._context, cl.mem_flags.READ_WRITE, max(size, 4))
             if self._simulated:
@@ -258,11 +262,23 @@ class OpenCLBackend(Backend):
         return (plan.group or (1 if plan.alone else any_number), *(1 for _ in plan.size[1:]))
 
 
+def _check_process() -> None:
+    """Refuse to go on in a process that was forked off one that uses OpenCL: its drivers would wait for ever."""
+    if not _process:
+        _process.append(os.getpid())
+    if _process[0] != os.getpid():
+        raise BackendError(
+            "OpenCL was used before this process was forked, and its drivers' threads are gone: start processes with"
+            ' multiprocessing.get_context("spawn"), or use backend warp:cpu'
+        )
+
+
 def _devices() -> list[tuple[str, cl.Device]]:
     """Every device with its name, GPUs first, then by size; of equal names the second ends in "#2", and so on.
 
     A platform that cannot be asked is left out with its reason logged.
     """
+    _check_process()
     found = []
     for platform in cl.get_platforms():
         try:

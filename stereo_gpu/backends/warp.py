@@ -26,6 +26,11 @@ _ELEMENTS = {
     np.dtype(np.int32): wp.int32,
     np.dtype(np.float32): wp.float32,
 }
+# Warp compiles and loads kernels in one thread at a time, whatever the device; launches on the CPU let others run,
+# which must not write to the same scratch.
+_LOCK = threading.Lock()
+_STARTING = threading.Lock()
+_started: list[bool] = []
 LARGEST_LENGTH = 2**31 - 1  # elements of a Warp array; the largest ones hold four bytes each
 _DRIVER = "install NVIDIA's driver (for example apt-get install nvidia-driver) and reboot"
 
@@ -92,7 +97,6 @@ class WarpBackend(Backend):
             wp.config.enable_cpu_blocks = True
         self._times: list[tuple[str, Any]] | None = None
         self._scratch: wp.array | None = None
-        self._lock = threading.Lock()
         self._crew = Crew(1 if self._device.is_cuda else threads or usable_cores())
 
     def upload(self, array: NDArray[Any]) -> DeviceArray:
@@ -128,8 +132,7 @@ class WarpBackend(Backend):
         program = find_program(kernel, self.form)
         plan = self._plan(kernel, arguments)
         values = {**arguments, **plan.scalars}
-        # On the CPU a launch lets other threads run, which must not write to the same scratch.
-        with self._lock:
+        with _LOCK:
             if plan.scratch_floats:
                 if self._scratch is None or self._scratch.size < plan.scratch_floats:
                     self._scratch = None
@@ -168,7 +171,7 @@ class WarpBackend(Backend):
     def finish(self) -> None:
         """Wait until all launches are done, and let go of a large scratch."""
         wp.synchronize_device(self._device)
-        with self._lock:
+        with _LOCK:
             if self._scratch_held() > KEPT_SCRATCH_BYTES:
                 self._scratch = None
 
@@ -233,6 +236,13 @@ def _software(kind: Kind) -> tuple[str, str]:
 
 def _initialise() -> None:
     """Start Warp without its banner, and without its complaint about a CUDA driver that is known to be missing."""
+    with _STARTING:
+        if not _started:
+            _start()
+            _started.append(True)
+
+
+def _start() -> None:
     wp.config.log_level = wp.LOG_WARNING
     if has_cuda_driver():
         wp.init()
