@@ -1,11 +1,13 @@
 """The benchmark: every kernel has a case, every case gives a row, and what keeps one from running is said."""
 
+import contextlib
 import dataclasses
 from pathlib import Path
 
 import numpy as np
 import pytest
 import reference
+from conftest import missing
 
 import stereo_gpu.kernels as kernels
 from stereo_gpu.backends import open_backend
@@ -33,6 +35,14 @@ ROUNDED = 1e-6  # of float32 chains whose last rounding may differ
 def small_roofs(monkeypatch):
     monkeypatch.setattr(bench_machine, "COPIED_BYTES", 1 << 20)
     monkeypatch.setattr(bench_machine, "PRODUCT_SIDE", 64)
+
+
+@pytest.fixture
+def opencl():
+    try:
+        return open_backend("opencl")
+    except BackendError as error:
+        missing("opencl", str(error))
 
 
 def case_of(name):
@@ -76,6 +86,34 @@ def test_only_what_was_asked_for(small_roofs):
     run = run_bench(options, lambda line: None)
     assert [row.name for row in run.rows] == ["SGBM HH", "median", "match fast"]
     assert all(row.to_stereobm > 0 for row in run.rows)
+
+
+def test_two_names_of_one_device_are_one_device(opencl, small_roofs):
+    canonical = opencl.name
+    names = ("opencl", canonical, "opencl")
+    options = BenchOptions(sizes=(SIZE,), window=7, backends=names, only=("median", "fast"), seconds=0.001, cap=9)
+    run = run_bench(options, lambda line: None)
+    assert [facts.name for facts in run.devices] == [canonical]
+    assert [(row.name, row.device) for row in run.rows] == [("median", canonical), ("match fast", canonical)]
+
+
+def test_a_match_on_an_alias_has_device_time(opencl, small_roofs, tmp_path):
+    options = BenchOptions(sizes=(SIZE,), window=7, backends=("opencl",), only=("fast",), seconds=0.001, cap=9)
+    run = run_bench(options, lambda line: None)
+    run.save(tmp_path / "run.json")
+    loaded = BenchRun.load(tmp_path / "run.json")
+    assert loaded == run
+    (row,) = loaded.rows
+    assert row.name == "match fast" and 0 < row.on_device.median < row.wall.median
+
+
+def test_a_device_that_tells_no_times_has_none(monkeypatch):
+    device = open_backend("warp:cpu")
+    scene = build_bench_scene(*SIZE, 7)
+    monkeypatch.setattr(device, "device_times", lambda: contextlib.nullcontext([]))
+    for name in ("triangulate", "match fast"):
+        row = time_case(case_of(name), device, scene, scene, Peers(scene), [], seconds=0.001, cap=9)
+        assert row.wall.median > 0 and row.on_device is None and row.seconds == row.wall.median
 
 
 def test_the_pair_has_the_slope_that_it_says():
@@ -126,6 +164,13 @@ def test_bytes_of_volumes_and_of_what_is_added_to():
     pixels = height * width
     assert compulsory("other", [launch], size) == (pixels * (5 * disparities + 4) + 28, "5 WHD + 4 WH + 28")
     assert compulsory("aggregate", [launch], size)[1] == "9 WHD + 4 WH + 28"
+
+
+@pytest.mark.parametrize(("name", "formula"), [("ncc_wta", "46 WH"), ("wta", "4 WHD + 22 WH")])
+def test_keys_of_the_other_view_are_read_and_written(backend, name, formula):
+    scene = build_bench_scene(*SIZE, 7)
+    launches = catch_launches(backend, name, lambda device: case_of(name).stage(device, scene))
+    assert compulsory(name, launches, (SIZE[1], SIZE[0], SIZE[2]))[1] == formula
 
 
 def test_a_kernel_that_its_stage_never_launches():

@@ -9,8 +9,8 @@ from typing import Any, cast
 from stereo_gpu.backends import Backend, DeviceArray
 
 Arguments = dict[str, DeviceArray | int | float]
-# Outputs that are added to, and so are read too.
-ADDED_TO = {"aggregate": "volume_out"}
+# Outputs that are added to or raised, and so are read too.
+ADDED_TO = {"aggregate": "volume_out", "ncc_wta": "other_out", "wta": "other_out"}
 
 
 class _CaughtError(Exception):
@@ -60,7 +60,8 @@ def catch_launches(device: Backend, kernel: str, stage: Callable[[Backend], obje
 def compulsory(kernel: str, launches: list[Arguments], shape: tuple[int, int, int]) -> tuple[int, str]:
     """Bytes that a kernel cannot do without moving: each array that goes in and each that comes out, once.
 
-    What passes between launches that belong together does not count.
+    An output that is added to or raised, as the keys of the other view's winners are, goes in and comes out. What
+    passes between launches that belong together does not count.
 
     Args:
         kernel: its name.

@@ -171,7 +171,7 @@ def _expect(row: Row, earlier: Sequence[Row]) -> tuple[float, str]:
 
 def _prepare(
     case: KernelCase | ProfileCase, device: Backend, scene: BenchScene
-) -> tuple[Callable[[], float], dict[str, Any]]:
+) -> tuple[Callable[[], float | None], dict[str, Any]]:
     """What is timed, and what is known of it: bytes, operations, transfers."""
     if isinstance(case, ProfileCase):
         return _prepare_match(case, device, scene)
@@ -185,19 +185,21 @@ def _prepare(
         "operations": case.operations(scene.window) * units if case.operations else None,
     }
 
-    def run() -> float:
+    def run() -> float | None:
         with device.device_times() as times:
             for arguments in launches:
                 device.launch(case.kernel, **arguments)
-        return sum(seconds for _, seconds in times)
+        return _total(times)
 
     return run, known
 
 
-def _prepare_match(case: ProfileCase, device: Backend, scene: BenchScene) -> tuple[Callable[[], float], dict[str, Any]]:
+def _prepare_match(
+    case: ProfileCase, device: Backend, scene: BenchScene
+) -> tuple[Callable[[], float | None], dict[str, Any]]:
     check_match_memory(device, scene.width, scene.height, scene.disparities, options_of(case.profile, scene))
 
-    def run() -> float:
+    def run() -> float | None:
         with device.device_times() as times:
             match(
                 scene.left,
@@ -207,7 +209,7 @@ def _prepare_match(case: ProfileCase, device: Backend, scene: BenchScene) -> tup
                 profile=case.profile,
                 backend=device.name,
             )
-        return sum(seconds for _, seconds in times)
+        return _total(times)
 
     known: dict[str, Any] = {
         "bytes_moved": MATCH_BYTES * scene.width * scene.height,
@@ -215,6 +217,11 @@ def _prepare_match(case: ProfileCase, device: Backend, scene: BenchScene) -> tup
         "transfer": _transfer(device, scene),
     }
     return run, known
+
+
+def _total(times: Sequence[tuple[str, float]]) -> float | None:
+    """Seconds of all launches; None where the device told none, so that no time of 0 is taken for a fast one."""
+    return sum(seconds for _, seconds in times) or None
 
 
 def _transfer(device: Backend, scene: BenchScene) -> float:

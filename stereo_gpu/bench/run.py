@@ -134,12 +134,15 @@ def _wanted(only: Sequence[str]) -> list[KernelCase | ProfileCase]:
 
 
 def _open(names: Sequence[str]) -> list[Backend]:
-    if names:
-        return [open_backend(name) for name in dict.fromkeys(names)]
-    usable = [status.name for status in devices() if status.available]
-    if not usable:
+    wanted = names or [status.name for status in devices() if status.available]
+    if not wanted:
         raise BackendError("nothing here can compute: see `stereo-gpu doctor`")
-    return [open_backend(name) for name in usable]
+    # One device may go by several names, such as opencl and opencl:<part of its name>.
+    opened: dict[str, Backend] = {}
+    for name in wanted:
+        device = open_backend(name)
+        opened.setdefault(device.name, device)
+    return list(opened.values())
 
 
 def _settings(peer: Peer, window: int) -> str:
