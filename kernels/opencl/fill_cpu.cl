@@ -1,4 +1,5 @@
-// Fill small holes along the row: the form for CPUs, whose work-items take a band of rows each and walk every hole once.
+// Fill small holes along the row: the form for CPUs, whose work-items take a band of rows each and walk every hole
+// once.
 #include "lanes.h"
 #define MASKED 16
 #define FILLED 32

@@ -43,12 +43,14 @@ __kernel void grey(
         if (i + WIDE <= end) {
             luma = channel(picture, i, channels, 0);
             if (channels > 1)
-                luma = 0.299f * luma + 0.587f * channel(picture, i, channels, 1) + 0.114f * channel(picture, i, channels, 2);
+                luma = 0.299f * luma + 0.587f * channel(picture, i, channels, 1)
+                       + 0.114f * channel(picture, i, channels, 2);
         } else {
             for (int j = 0; i + j < end; j++) {
                 __global const PIXEL *pixel = picture + (i + j) * channels;
                 luma[j] = channels == 1 ? (float)pixel[0]
-                                        : 0.299f * (float)pixel[0] + 0.587f * (float)pixel[1] + 0.114f * (float)pixel[2];
+                                        : 0.299f * (float)pixel[0] + 0.587f * (float)pixel[1]
+                                              + 0.114f * (float)pixel[2];
             }
         }
         // Whole numbers keep every sum of products of the correlation exact in float32.

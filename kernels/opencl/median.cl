@@ -2,7 +2,8 @@
 
 // Median over size x size (3, 5 or 7) neighbours that have a value; of an even number the lower one.
 // A pixel without a value stays without. From the pixel's own value it goes to the next larger or smaller one until
-// half of the values lie below: few steps where a map is smooth, and no array of values, which no GPU holds in registers.
+// half of the values lie below: few steps where a map is smooth, and no array of values, which no GPU holds in
+// registers.
 __kernel void median(
     // In:
     __global const float *disparity,

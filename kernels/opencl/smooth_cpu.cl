@@ -48,7 +48,8 @@ __kernel void smooth(
                 ADD(__global const lanes *, source + (long)clamp_index(y + i - radius, height) * width + start, 0, taps)
             } else {
                 for (int tap = 0; tap < taps; tap++) {
-                    load_line(line, source + (long)clamp_index(y + tap - radius, height) * width, start, SPAN, width, 1);
+                    load_line(
+                        line, source + (long)clamp_index(y + tap - radius, height) * width, start, SPAN, width, 1);
                     ADD(lanes *, line, tap, 1)
                 }
             }

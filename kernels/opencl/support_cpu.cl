@@ -64,7 +64,8 @@ __kernel void support(
                 if (x >= width) continue;
                 int_lanes alone = values[k] == values[k] && __builtin_convertvector(agreeing[k], lanes) < enough;
                 store_lanes(disparity_out + place, x, width, alone ? (lanes)(NAN) : values[k]);
-                store_reasons(validity_out + place, x, width, alone ? (int_lanes)(MISMATCH) : load_reasons(validity + place, x, width));
+                store_reasons(validity_out + place, x, width,
+                              alone ? (int_lanes)(MISMATCH) : load_reasons(validity + place, x, width));
             }
         }
     }

@@ -55,14 +55,16 @@ __kernel void window_norms(
         for (int y = first - 2 * radius; y < last; y++) {
             // The row that enters the window of row y, and the one that left it; before the first row none has.
             __global const float *in_row = picture + (long)clamp_index(y + radius, height) * width + start - radius;
-            __global const float *out_row = picture + (long)clamp_index(y - radius - 1, height) * width + start - radius;
+            __global const float *out_row =
+                picture + (long)clamp_index(y - radius - 1, height) * width + start - radius;
             if (!inside) {
                 load_line(entering, in_row - start + radius, start - radius, used, width, 1);
                 load_line(leaving, out_row - start + radius, start - radius, used, width, 1);
             }
             int_lanes total_so_far = (int_lanes)(0), square_so_far = (int_lanes)(0);
             for (int k = 0; k < used; k += LANES) {
-                lanes in = inside ? *(__global const lanes *)(in_row + k) : *(lanes *)(entering + k), out = (lanes)(0.0f);
+                lanes in = inside ? *(__global const lanes *)(in_row + k) : *(lanes *)(entering + k);
+                lanes out = (lanes)(0.0f);
                 if (y > first) out = inside ? *(__global const lanes *)(out_row + k) : *(lanes *)(leaving + k);
                 lanes total = *(lanes *)(totals + k) + (in - out);
                 lanes square = *(lanes *)(squares + k) + (in * in - out * out);
@@ -80,7 +82,8 @@ __kernel void window_norms(
             for (int k = 0; k < columns; k += LANES) {
                 int *total_at = total_before + LANES - 1 + k, *square_at = square_before + LANES - 1 + k;
                 lanes total = __builtin_convertvector(*(int_lanes *)(total_at + size) - *(int_lanes *)total_at, lanes);
-                lanes square = __builtin_convertvector(*(int_lanes *)(square_at + size) - *(int_lanes *)square_at, lanes);
+                lanes square =
+                    __builtin_convertvector(*(int_lanes *)(square_at + size) - *(int_lanes *)square_at, lanes);
                 long pixel = (long)y * width + start + k;
                 // Sums of whole numbers are exact; their product is not, but the difference of squares
                 // loses little as the values are centred.
@@ -88,7 +91,8 @@ __kernel void window_norms(
                 int_lanes flat = energy <= threshold * threshold;
                 lanes inverse = flat ? (lanes)(0.0f) : 1.0f / sqrt(energy);
                 if (k + LANES <= columns) {
-                    int_lanes masked = __builtin_convertvector(*(__global const uchar_lanes *)(mask + pixel), int_lanes) == 0;
+                    int_lanes masked =
+                        __builtin_convertvector(*(__global const uchar_lanes *)(mask + pixel), int_lanes) == 0;
                     int_lanes reason = masked ? (int_lanes)(MASKED) : flat ? (int_lanes)(TEXTURELESS) : (int_lanes)(0);
                     *(__global lanes *)(sum_out + pixel) = total;
                     *(__global lanes *)(inverse_out + pixel) = masked ? (lanes)(0.0f) : inverse;
