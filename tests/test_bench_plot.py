@@ -47,13 +47,41 @@ def test_without_matplotlib_nothing_is_timed(run_file, tmp_path, monkeypatch, ca
     assert not (tmp_path / "plots").exists()
 
 
+def load_generator():
+    spec = importlib.util.spec_from_file_location("performance", GENERATOR)
+    generator = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(generator)
+    return generator
+
+
+@pytest.mark.skipif(not GENERATOR.is_file(), reason="tools/performance.py is in the checkout only")
+@pytest.mark.parametrize(
+    ("seconds", "load", "says"),
+    [
+        (5.0, 0.1, ""),
+        (5.0, None, ""),
+        (5.0, 2.0, ""),
+        (0.3, 0.1, "**A quick run: 0.3 s a case where 5 s are usual, so "),
+        (5.0, 2.1, "**A quick run: a load of 2.1 on 2 cores before it began, so "),
+        (
+            0.3,
+            6.2,
+            "**A quick run: 0.3 s a case where 5 s are usual, and a load of 6.2 on 2 cores before it began, so ",
+        ),
+    ],
+)
+def test_the_document_says_at_its_top_that_a_run_was_quick(seconds, load, says):
+    run = made_up_run()
+    run.method["seconds"], run.machine["load_average"] = seconds, load
+    top = load_generator().markdown(run).split("## Ratios")[0]
+    assert says in top and ("quick run" in top) == bool(says)
+
+
 @pytest.mark.skipif(not GENERATOR.is_file(), reason="tools/performance.py is in the checkout only")
 def test_the_document_has_the_ratios_first(run_file, tmp_path, monkeypatch):
     needs_matplotlib()
     (tmp_path / "docs" / "images").mkdir(parents=True)
-    spec = importlib.util.spec_from_file_location("performance", GENERATOR)
-    generator = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(generator)
+    generator = load_generator()
     monkeypatch.setattr(sys, "argv", ["performance", "--load", run_file, "--docs", str(tmp_path / "docs")])
     assert generator.main() == 0
     text = (tmp_path / "docs" / "performance.md").read_text("utf-8")

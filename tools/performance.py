@@ -29,6 +29,7 @@ INTRODUCTION = """# Performance
 [performance.json](performance.json). Do not edit the page: its words stand in `tools/performance.py`.
 """
 
+CALM_SECONDS = 5.0  # for each case; with fewer, or with a load over 1 a core, a run is a quick one
 RATIOS = """## Ratios
 
 Wall time over that of the OpenCV function that does the same, timed in turn in the same run on the same input: under
@@ -106,7 +107,7 @@ benchmark says so in its row.
 
 def markdown(run: BenchRun) -> str:
     """The whole page."""
-    parts = [INTRODUCTION, RATIOS]
+    parts = [INTRODUCTION, *quick(run), RATIOS]
     parts += ["\n".join(ratio_table(run, facts)) + "\n" for facts in run.devices]
     parts += [AFTER_RATIOS]
     if missing := "\n".join(not_run(run)):
@@ -115,6 +116,16 @@ def markdown(run: BenchRun) -> str:
     parts += ["\n".join(kernels(run)) + "\n", READING, "\n".join(method(run)) + "\n", "\n".join(settings(run)) + "\n"]
     parts += [RUN_IT, REST]
     return "\n".join(parts)
+
+
+def quick(run: BenchRun) -> Iterator[str]:
+    """A sentence that warns of noisy figures, where they are."""
+    seconds, load, cores = run.method["seconds"], run.machine.get("load_average"), run.machine["cores"]
+    why = [f"{seconds:g} s a case where {CALM_SECONDS:g} s are usual"] if seconds < CALM_SECONDS else []
+    if load is not None and load > cores:
+        why.append(f"a load of {load:.1f} on {cores} cores before it began")
+    if why:
+        yield f"**A quick run: {', and '.join(why)}, so single figures may be far off.**\n"
 
 
 def ratio_table(run: BenchRun, facts: DeviceFacts) -> Iterator[str]:
