@@ -8,7 +8,8 @@ from stereo_gpu.config import MatchOptions, Profile
 from stereo_gpu.errors import InputError
 from stereo_gpu.types import View
 
-LARGEST_RANGE = 8192  # winner_key holds a disparity's index in 13 bits
+LARGEST_RANGE = 8192  # winner_key holds a disparity's index in at most 13 bits
+STEEPEST_SLOPE = 3  # px a row; the walls of aggregate_cpu are as thick
 Range = tuple[int, int] | Literal["auto"]
 
 
@@ -34,13 +35,15 @@ def check_range(disparities: tuple[int, int], width: int) -> tuple[int, int]:
 
 
 def check_options(options: MatchOptions) -> None:
-    """Refuse a window that no kernel can take.
+    """Refuse a window or slope that no kernel can take.
 
     Raises:
-        InputError: with the window.
+        InputError: with the value.
     """
     if options.window % 2 == 0 or not 3 <= options.window <= 31:
         raise InputError(f"window = {options.window}: it must be odd and from 3 to 31")
+    if any(abs(slope) > STEEPEST_SLOPE for slope in options.row_slopes):
+        raise InputError(f"row_slopes = {options.row_slopes}: at most {STEEPEST_SLOPE} px a row can be followed")
 
 
 def parse_view(name: str) -> View:
