@@ -79,7 +79,9 @@ tools/performance --seconds 0.5 --cap 15                # write this page
 
 `--compare` holds each kernel's and profile's time over that of StereoBM against the older run's, not the times
 themselves: the same machine is faster on one day than on another, and StereoBM with it. `--limit 1.15`, the default,
-lets a case become 15 % slower. On a busy machine that is not much; run again before you believe it.
+lets a case become 15 % slower. On a busy machine that is not much; run again before you believe it. A case
+that ran in the older run and fails now counts as slower too; one that you did not ask for, or that `--cap` left out,
+does not.
 
 `--plot DIR` writes `roofline.png`, `speed.png`, `peers.png`, and `bench.html`, one page with everything that opens
 offline.
