@@ -3,6 +3,7 @@
 import argparse
 import os
 import re
+import signal
 import subprocess
 import sys
 import tempfile
@@ -18,6 +19,9 @@ ROOT = Path(__file__).parents[1]
 # Both forms of every kernel, and the maps of all profiles.
 TESTS = "tests/test_limited_devices.py"
 SLOW_IN_OCLGRIND = ROOT / "tests" / "oclgrind.txt"
+# Of the tests that were selected; some may ask for memory or a compiler that a runtime has not.
+LEAST_PASSED = 0.95
+COUNT = r"(\d+) (passed|failed|errors?|skipped|deselected|warnings?|xfailed|xpassed)"
 
 
 @dataclass(frozen=True)
@@ -127,8 +131,7 @@ def run_tests(runtime: Runtime, folder: Path, part: str) -> tuple[bool, str]:
         selected += "".join(f" and not ({line})" for line in lines if line and not line.startswith("#"))
     command = [*before, sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", TESTS, "-k", selected]
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True)
-    counts = ", ".join(re.findall(r"\d+ (?:passed|failed|errors?|skipped)", done.stdout.split("\n")[-2]))
-    good = done.returncode == 0
+    good, counts = verdict(done.returncode, done.stdout)
     if not good:
         print(done.stdout[-6000:], done.stderr[-2000:], sep="\n", file=sys.stderr)
     log = folder / f"{part}.log"
@@ -138,14 +141,34 @@ def run_tests(runtime: Runtime, folder: Path, part: str) -> tuple[bool, str]:
     if said:
         print(said[:6000], file=sys.stderr)
         return False, f"{counts}, Oclgrind reports {said.count('Kernel: ')}"
-    return good, counts or "no test ran"
+    return good, counts
+
+
+def verdict(status: int, output: str) -> tuple[bool, str]:
+    """Whether a run of pytest counts as passed, and why or how: from its exit status and all that it printed."""
+    # A launcher such as Oclgrind's, or a shell, tells of a signal by 128 and its number.
+    if (number := -status if status < 0 else status - 128) > 0:
+        known = number in set(signal.Signals)
+        return False, f"crashed (signal {number}{', ' + signal.Signals(number).name if known else ''})"
+    # The last line that is a summary, such as "1 failed, 2 passed in 3.45s": a driver may print after it.
+    summaries = re.findall(rf"^=*\s*((?:{COUNT}(?:, )?)+) in [\d.]+s", output, re.MULTILINE)
+    if not summaries:
+        return False, "no test ran" if status == 5 else f"no result (exit status {status})"
+    numbers = {what.rstrip("s"): int(number) for number, what in re.findall(COUNT, summaries[-1][0])}
+    counts = ", ".join(f"{n} {what}" for what, n in numbers.items() if what in ("passed", "failed", "error", "skipped"))
+    passed, skipped = numbers.get("passed", 0), numbers.get("skipped", 0)
+    if status or not passed:
+        return False, counts or "no test ran"
+    if passed < LEAST_PASSED * (passed + skipped):
+        return False, f"{counts}: too few ran"
+    return True, counts
 
 
 def main() -> int:
-    """Print the table; 1 where a runtime that is there fails, or one that was named is not there."""
+    """Print the table; 1 where a runtime that is there fails, one that was named is not there, or none is there."""
     known = {runtime.name: runtime for runtime in runtimes()}
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("names", nargs="*", metavar="RUNTIME", help=", ".join(known))
+    parser.add_argument("names", nargs="*", metavar="RUNTIME", choices=[[], *known], help=", ".join(known))
     parser.add_argument("--has", choices=known, help="only tell by the exit status whether a runtime is there")
     options = parser.parse_args()
     if options.has:
@@ -174,6 +197,9 @@ def main() -> int:
     widths = [max(len(row[i]) for row in rows) for i in range(4)]
     for row in rows:
         print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+    if not any(known[name].there for name in options.names or known):
+        print("none of these runtimes is there, so nothing was tested", file=sys.stderr)
+        failed = True
     return int(failed)
 
 
