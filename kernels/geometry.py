@@ -2,44 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
-
-# The same constants as in warp/ncc_wta_cpu.py, whose work-item holds so much scratch.
-BLOCK, TILE, LANES = 64, 16, 16
-# The same as in the forms of aggregate for CPUs.
-SIDE_BY_SIDE, PAD = 8, 4
-
-# Kernels whose Warp form for CPUs gives each work-item a row.
-ROWS = frozenset({"consistency", "grey", "median", "rectify", "slant", "smooth", "support", "triangulate"})
-# Kernels whose OpenCL form for CPUs gives each work-item a band of rows.
-BANDED = frozenset(
-    {
-        "census",
-        "census_volume",
-        "confidence",
-        "consistency",
-        "dilate",
-        "fill",
-        "grey",
-        "median",
-        "rectify",
-        "slant",
-        "smooth",
-        "support",
-        "triangulate",
-        "wta",
-    }
-)
-
-
-# The same as in block_winners, which the forms for GPUs of ncc_wta and wta use: disparities and columns of a group.
-GROUPS = {"opencl": (64, 8), "warp": (128, 16)}
-# The same as in the forms of aggregate for GPUs: work-items of a line, and disparities that need no scratch.
-LINE_GROUP, HELD = 64, 256
-# Members of the record that waits in their scratch between chunks of disparities.
-RECORD = 7
 
 
 @dataclass(frozen=True)
@@ -65,6 +30,24 @@ class Geometry:
     whole: bool = False
 
 
+@dataclass(frozen=True)
+class Call:
+    """What is known of a launch: its arguments by parameter name, and the device's language and compute units."""
+
+    arguments: Mapping[str, Any]
+    language: str
+    units: int
+
+    def __getitem__(self, name: str) -> Any:
+        """An argument."""
+        return self.arguments[name]
+
+    def strips(self, about: int) -> tuple[int, int]:
+        """How many strips the picture is cut into, about so many, and the rows of each, none under 16."""
+        rows = max(16, -(-self["height"] // about))
+        return -(-self["height"] // rows), rows
+
+
 def geometry(kernel: str, language: str, form: str, arguments: Mapping[str, Any], units: int) -> Geometry:
     """Say how to launch a kernel.
 
@@ -75,83 +58,188 @@ def geometry(kernel: str, language: str, form: str, arguments: Mapping[str, Any]
         arguments: the call's arguments by parameter name.
         units: compute units of the device (cores of a CPU).
     """
-    width, height = arguments.get("width", 1), arguments.get("height", 1)
-    if form == "gpu" and kernel == "ncc_wta":
-        return _ncc_wta_on_gpu(language, width, height, units)
-    if form == "gpu" and kernel == "wta":
-        group, columns = GROUPS[language]
-        tiles = -(-width // columns)
-        return Geometry((tiles * group, height) if language == "opencl" else (group, tiles * height), group=group)
-    if kernel in ("cover", "bake") and language == "opencl" and form == "cpu":
-        # Bands as below, of the atlas; each one of cover looks at every triangle, so that there are fewer.
-        return Geometry((min(arguments["texture_height"], (3 if kernel == "cover" else 8) * units),), alone=True)
-    if kernel == "cover":
-        return Geometry((arguments["triangles"],), whole=True)
-    if kernel == "bake":
-        return Geometry((arguments["texture_width"], arguments["texture_height"]))
-    if kernel == "aggregate":
-        lines = height if arguments["step_y"] == 0 else width + (height - 1 if arguments["step_x"] else 0)
-        if form == "gpu":
-            rest = 2 * lines * arguments["disparities"] if arguments["disparities"] > HELD else 1
-            size = (lines * LINE_GROUP,) if language == "opencl" else (LINE_GROUP, lines)
-            return Geometry(size, {"lines": lines}, rest, group=LINE_GROUP)
-        if language == "opencl" and form == "cpu":
-            together = SIDE_BY_SIDE if arguments["step_y"] else 1
-            walled = (-(-arguments["disparities"] // LANES) + 2) * LANES
-            return Geometry((-(-lines // together),), {"lines": lines}, 2 * lines * walled, alone=True)
-        return Geometry((lines,), {"lines": lines}, 2 * lines * (arguments["disparities"] + 2 * PAD), alone=True)
-    if kernel in ROWS and language == "warp" and form == "cpu":
-        return Geometry((height,))
-    if kernel in BANDED and language == "opencl" and form == "cpu":
-        # Eight bands a core even out the load.
-        return Geometry((min(height, 8 * units),), alone=True)
-    if kernel == "census_volume":
-        return Geometry((arguments["disparities"], width, height))
-    if kernel == "window_norms" and language == "warp" and form == "cpu":
-        rows = _rows_a_strip(height, 4 * units)
-        return Geometry((-(-height // rows),), {"rows": rows})
-    if kernel == "window_norms":
-        # Eight strips a core even out the load of a CPU, whose form takes whole rows.
-        whole_rows = language == "opencl" and form == "cpu"
-        rows = _rows_a_strip(height, 8 * units if whole_rows else 8)
-        strips = -(-height // rows)
-        return Geometry((strips,) if whole_rows else (width, strips), {"rows": rows}, alone=whole_rows)
-    if kernel == "ncc_volume":
-        rows = _rows_a_strip(height, 4)
-        return Geometry((arguments["disparities"], width, -(-height // rows)), {"rows": rows})
-    if kernel == "ncc_wta" and language == "opencl" and form == "cpu":
-        # Four strips a core even out the load; a strip much shorter than its window would repeat work.
-        rows = _rows_a_strip(height, 4 * units)
-        strips = -(-height // rows)
-        # What lay_out in opencl/ncc_wta_cpu.cl takes, with vectors of at most 16 lanes.
-        padded = -(-arguments["disparities"] // 16) * 16
-        block = min(640, max(64, 65536 // padded // 16 * 16))
-        columns = block + 2 * arguments["radius"]
-        span = (columns + padded + 16) // 16 * 16 + 16
-        floats = (padded + 16) * (columns + 2) + 16 * (padded + 64) + 5 * span + 2 * block + 35 * 16
-        return Geometry((strips,), {"rows": rows}, strips * floats, alone=True)
-    if kernel == "ncc_wta" and language == "warp" and form == "cpu":
-        rows = _rows_a_strip(height, 4 * units)
-        strips = -(-height // rows)
-        padded = -(-arguments["disparities"] // LANES) * LANES
-        columns = BLOCK + 2 * arguments["radius"]
-        span = (columns + padded + 2 * LANES - 1) // LANES * LANES
-        sums, keys = padded * (columns + 1), TILE * (padded + 2 * (TILE + LANES))
-        floats = sums + keys + 7 * span + 2 * BLOCK + (2 * TILE + 1) * LANES + 2 * TILE
-        return Geometry((strips,), {"rows": rows}, strips * floats + LANES)
-    return Geometry((width, height))
+    call = Call(arguments, language, units)
+    if form == "cpu" and kernel in _ON_CPU[language]:
+        return _ON_CPU[language][kernel](call)
+    return _ON_ALL.get(kernel, _pixels)(call)
 
 
-def _ncc_wta_on_gpu(language: str, width: int, height: int, units: int) -> Geometry:
-    group, columns = GROUPS[language]
-    tiles = -(-width // columns)
+def _pixels(call: Call) -> Geometry:
+    return Geometry((call["width"], call["height"]))
+
+
+def _texels(call: Call) -> Geometry:
+    return Geometry((call["texture_width"], call["texture_height"]))
+
+
+def _triangles(call: Call) -> Geometry:
+    return Geometry((call["triangles"],), whole=True)
+
+
+def _cells(call: Call) -> Geometry:
+    return Geometry((call["disparities"], call["width"], call["height"]))
+
+
+def _rows(call: Call) -> Geometry:
+    return Geometry((call["height"],))
+
+
+def _bands(call: Call) -> Geometry:
+    # Eight bands of rows a core even out the load.
+    return Geometry((min(call["height"], 8 * call.units),), alone=True)
+
+
+def _texel_bands(call: Call) -> Geometry:
+    return Geometry((min(call["texture_height"], 8 * call.units),), alone=True)
+
+
+def _cover_bands(call: Call) -> Geometry:
+    # Each band looks at every triangle, so that there are fewer.
+    return Geometry((min(call["texture_height"], 3 * call.units),), alone=True)
+
+
+def _norm_columns(call: Call) -> Geometry:
+    strips, rows = call.strips(8)
+    return Geometry((call["width"], strips), {"rows": rows})
+
+
+def _norm_strips(call: Call) -> Geometry:
+    strips, rows = call.strips(8 * call.units if call.language == "opencl" else 4 * call.units)
+    return Geometry((strips,), {"rows": rows}, alone=call.language == "opencl")
+
+
+def _volume_strips(call: Call) -> Geometry:
+    strips, rows = call.strips(4)
+    return Geometry((call["disparities"], call["width"], strips), {"rows": rows})
+
+
+# The same as in block_winners, which the forms for GPUs of ncc_wta and wta use: disparities and columns of a group.
+GROUPS = {"opencl": (64, 8), "warp": (128, 16)}
+# Members of the record that waits in scratch between chunks of disparities.
+RECORD = 7
+
+
+def _grouped(call: Call, tiles: int, strips: int) -> Geometry:
+    # OpenCL counts the work-items of groups along the fastest axis, Warp the groups along the slower one.
+    group, _ = GROUPS[call.language]
+    return Geometry((tiles * group, strips) if call.language == "opencl" else (group, tiles * strips), group=group)
+
+
+def _winners_on_gpu(call: Call) -> Geometry:
+    return _grouped(call, -(-call["width"] // GROUPS[call.language][1]), call["height"])
+
+
+def _ncc_winners_on_gpu(call: Call) -> Geometry:
+    group, columns = GROUPS[call.language]
+    tiles = -(-call["width"] // columns)
     # About 2048 work-items a compute unit keep a GPU busy; every strip sums up its first window anew.
-    rows = _rows_a_strip(height, max(4, 2048 // group * units // tiles))
-    strips = -(-height // rows)
-    size = (tiles * group, strips) if language == "opencl" else (group, tiles * strips)
-    return Geometry(size, {"rows": rows}, RECORD * width * height, group=group)
+    strips, rows = call.strips(max(4, 2048 // group * call.units // tiles))
+    scratch = RECORD * call["width"] * call["height"]
+    return replace(_grouped(call, tiles, strips), scalars={"rows": rows}, scratch_floats=scratch)
 
 
-def _rows_a_strip(height: int, strips: int) -> int:
-    """Rows of each strip when a picture is cut into about so many, none under 16 rows."""
-    return max(16, -(-height // strips))
+def _ncc_winners_in_opencl(call: Call) -> Geometry:
+    # Four strips a core even out the load; a strip much shorter than its window would repeat work.
+    strips, rows = call.strips(4 * call.units)
+    # What lay_out in opencl/ncc_wta_cpu.cl takes, with vectors of at most 16 lanes.
+    padded = -(-call["disparities"] // 16) * 16
+    block = min(640, max(64, 65536 // padded // 16 * 16))
+    columns = block + 2 * call["radius"]
+    span = (columns + padded + 16) // 16 * 16 + 16
+    sums, keys = (padded + 16) * (columns + 2), 16 * (padded + 64)
+    floats = sums + keys + 5 * span + 2 * block + 35 * 16
+    return Geometry((strips,), {"rows": rows}, strips * floats, alone=True)
+
+
+def _ncc_winners_in_warp(call: Call) -> Geometry:
+    strips, rows = call.strips(4 * call.units)
+    # What warp/ncc_wta_cpu.py takes, by its own constants.
+    block, tile, lanes = 64, 16, 16
+    padded = -(-call["disparities"] // lanes) * lanes
+    columns = block + 2 * call["radius"]
+    span = (columns + padded + 2 * lanes - 1) // lanes * lanes
+    sums, keys = padded * (columns + 1), tile * (padded + 2 * (tile + lanes))
+    floats = sums + keys + 7 * span + 2 * block + (2 * tile + 1) * lanes + 2 * tile
+    return Geometry((strips,), {"rows": rows}, strips * floats + lanes)
+
+
+# The same as in the forms of aggregate for GPUs: work-items of a line, and disparities that need no scratch.
+LINE_GROUP, HELD = 64, 256
+# The same as in the forms of aggregate for CPUs.
+SIDE_BY_SIDE, PAD = 8, 4
+
+
+def _lines(call: Call) -> int:
+    """Lines of the picture in the direction of a path."""
+    if call["step_y"] == 0:
+        return int(call["height"])
+    return int(call["width"] + (call["height"] - 1 if call["step_x"] else 0))
+
+
+def _paths_on_gpu(call: Call) -> Geometry:
+    lines = _lines(call)
+    rest = 2 * lines * call["disparities"] if call["disparities"] > HELD else 1
+    size = (lines * LINE_GROUP,) if call.language == "opencl" else (LINE_GROUP, lines)
+    return Geometry(size, {"lines": lines}, rest, group=LINE_GROUP)
+
+
+def _paths_in_opencl(call: Call) -> Geometry:
+    lines = _lines(call)
+    together = SIDE_BY_SIDE if call["step_y"] else 1
+    walled = (-(-call["disparities"] // 16) + 2) * 16
+    return Geometry((-(-lines // together),), {"lines": lines}, 2 * lines * walled, alone=True)
+
+
+def _paths_in_warp(call: Call) -> Geometry:
+    lines = _lines(call)
+    return Geometry((lines,), {"lines": lines}, 2 * lines * (call["disparities"] + 2 * PAD), alone=True)
+
+
+# Every kernel that is not here or in the form's table has a work-item a pixel.
+_ON_ALL: dict[str, Callable[[Call], Geometry]] = {
+    "aggregate": _paths_on_gpu,
+    "bake": _texels,
+    "census_volume": _cells,
+    "cover": _triangles,
+    "ncc_volume": _volume_strips,
+    "ncc_wta": _ncc_winners_on_gpu,
+    "window_norms": _norm_columns,
+    "wta": _winners_on_gpu,
+}
+_ON_CPU: dict[str, dict[str, Callable[[Call], Geometry]]] = {
+    "opencl": {
+        "aggregate": _paths_in_opencl,
+        "bake": _texel_bands,
+        "census": _bands,
+        "census_volume": _bands,
+        "confidence": _bands,
+        "consistency": _bands,
+        "cover": _cover_bands,
+        "dilate": _bands,
+        "fill": _bands,
+        "grey": _bands,
+        "median": _bands,
+        "ncc_wta": _ncc_winners_in_opencl,
+        "rectify": _bands,
+        "slant": _bands,
+        "smooth": _bands,
+        "support": _bands,
+        "triangulate": _bands,
+        "window_norms": _norm_strips,
+        "wta": _bands,
+    },
+    "warp": {
+        "aggregate": _paths_in_warp,
+        "consistency": _rows,
+        "grey": _rows,
+        "median": _rows,
+        "ncc_wta": _ncc_winners_in_warp,
+        "rectify": _rows,
+        "slant": _rows,
+        "smooth": _rows,
+        "support": _rows,
+        "triangulate": _rows,
+        "window_norms": _norm_strips,
+        "wta": _pixels,
+    },
+}
