@@ -1,7 +1,8 @@
 """Runs of the benchmark made up for tests: known times, no clock."""
 
 from stereo_gpu.bench.machine import DeviceFacts
-from stereo_gpu.bench.record import OPENCV, BenchRun, Row
+from stereo_gpu.bench.record import BenchRun
+from stereo_gpu.bench.row import OPENCV, Row
 from stereo_gpu.bench.timing import Times
 
 SIZES = ((640, 480, 64), (1280, 960, 128))

@@ -16,8 +16,9 @@ from stereo_gpu.bench import machine as bench_machine
 from stereo_gpu.bench.cases import KERNELS, MATCHES, YARDSTICKS
 from stereo_gpu.bench.launches import catch_launches, compulsory
 from stereo_gpu.bench.peers import MATCHERS
-from stereo_gpu.bench.record import BenchRun, Row
+from stereo_gpu.bench.record import BenchRun
 from stereo_gpu.bench.report import report_lines
+from stereo_gpu.bench.row import Row
 from stereo_gpu.bench.rows import Peers, time_case
 from stereo_gpu.bench.scene import build_bench_scene, mesh_of
 from stereo_gpu.bench.timing import Times

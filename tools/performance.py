@@ -14,8 +14,9 @@ from pathlib import Path
 from stereo_gpu.bench import BenchOptions, run_bench
 from stereo_gpu.bench.machine import DeviceFacts
 from stereo_gpu.bench.plot import check_plotting, write_plots
-from stereo_gpu.bench.record import OPENCV, BenchRun, Row
+from stereo_gpu.bench.record import BenchRun
 from stereo_gpu.bench.report import COLUMNS, machine_lines, number, operations_words, row_cells
+from stereo_gpu.bench.row import OPENCV, Row
 from stereo_gpu.errors import StereoError
 from stereo_gpu.files import write_whole
 

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from stereo_gpu.bench.machine import DeviceFacts
-    from stereo_gpu.bench.record import Row
-    from stereo_gpu.bench.timing import Times
+from stereo_gpu.bench.machine import DeviceFacts
+from stereo_gpu.bench.row import Row
+from stereo_gpu.bench.timing import Times
 
 # Ratios and products of numbers within these stay finite.
 SMALLEST, LARGEST = 1e-30, 1e30

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from stereo_gpu.bench.record import TOO_LONG, BenchRun, Row
+from stereo_gpu.bench.record import BenchRun
+from stereo_gpu.bench.row import TOO_LONG, Row
 from stereo_gpu.errors import InputError
 
 LIMIT = 1.15

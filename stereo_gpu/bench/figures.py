@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from stereo_gpu.bench.record import OPENCV, BenchRun
+from stereo_gpu.bench.record import BenchRun
 from stereo_gpu.bench.report import number
+from stereo_gpu.bench.row import OPENCV
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,8 +6,9 @@ import base64
 from collections.abc import Mapping
 from html import escape
 
-from stereo_gpu.bench.record import BenchRun, Row
+from stereo_gpu.bench.record import BenchRun
 from stereo_gpu.bench.report import COLUMNS, device_lines, machine_lines, number, operations_words, row_cells
+from stereo_gpu.bench.row import Row
 
 CAPTIONS = {
     "peers": "Wall time over that of the OpenCV function that does the same, timed in turn on the same input.",

@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from stereo_gpu.bench.machine import DeviceFacts
-from stereo_gpu.bench.record import BenchRun, Row
+from stereo_gpu.bench.record import BenchRun
+from stereo_gpu.bench.row import Row
 
 NAME_WIDTH = 26
 COLUMNS = (

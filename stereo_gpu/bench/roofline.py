@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from stereo_gpu.bench.figures import ROOF, colours, dress, new_figure, plain_ticks
-from stereo_gpu.bench.record import BenchRun, Row
+from stereo_gpu.bench.record import BenchRun
+from stereo_gpu.bench.row import Row
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -14,7 +14,7 @@ from stereo_gpu.backends.contract import host_memory
 from stereo_gpu.bench.cases import KernelCase, ProfileCase, options_of
 from stereo_gpu.bench.launches import catch_launches, compulsory
 from stereo_gpu.bench.peers import STEREO_BM, Peer
-from stereo_gpu.bench.record import OPENCV, TOO_LONG, Row
+from stereo_gpu.bench.row import OPENCV, TOO_LONG, Row
 from stereo_gpu.bench.scene import BenchScene
 from stereo_gpu.bench.timing import FEWEST_REPEATS, Measured, Work, measure
 from stereo_gpu.device_match import check_match_memory

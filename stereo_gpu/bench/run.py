@@ -11,8 +11,9 @@ from stereo_gpu.backends import Backend, devices, open_backend
 from stereo_gpu.bench.cases import KERNELS, MATCHES, KernelCase, ProfileCase
 from stereo_gpu.bench.machine import describe_device, describe_machine
 from stereo_gpu.bench.peers import MATCHERS, STAGES, Peer
-from stereo_gpu.bench.record import BenchRun, Row
+from stereo_gpu.bench.record import BenchRun
 from stereo_gpu.bench.report import device_lines, machine_lines, peer_lines, row_line, size_lines
+from stereo_gpu.bench.row import Row
 from stereo_gpu.bench.rows import YARDSTICK_SHARE, Peers, time_case, time_opencv
 from stereo_gpu.bench.scene import build_bench_scene, check_bench_size
 from stereo_gpu.bench.timing import DROPPED, FEWEST_REPEATS, REPEATS, WARM_UP_SHARE
