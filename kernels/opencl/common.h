@@ -3,6 +3,7 @@
 #pragma OPENCL FP_CONTRACT OFF
 
 // A function that is inline and no more is defined nowhere for a compiler that calls it after all.
+#undef inline // PoCL has its own
 #define inline static inline
 
 // The largest whole number that is not above v. (The built-in floor would be a call for every sample.)
