@@ -231,7 +231,7 @@ INLINE void slant_lanes(
     moved = unsure ? 0.0f : moved;
     best = unsure ? here : best;
     *(__global lanes *)(disparity_out + pixel) = given ? plane.centre + moved * step : value;
-    *(__global lanes *)(score_out + pixel) = given & (best > 0.0f) ? best : 0.0f;
+    *(__global lanes *)(score_out + pixel) = (given & (best > 0.0f)) ? best : 0.0f;
 }
 
 // What slant.cl computes.
