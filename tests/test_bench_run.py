@@ -246,6 +246,8 @@ def test_a_damaged_file(saved, tmp_path, capsys, says):
     ],
 )
 def test_wrong_input_is_one_line(tmp_path, monkeypatch, capsys, arguments, says):
+    if "--plot" in arguments:
+        pytest.importorskip("matplotlib")
     monkeypatch.chdir(tmp_path)
     (tmp_path / "text.json").write_text("GDE/s", "utf-8")
     (tmp_path / "list.json").write_text("[1]", "utf-8")
