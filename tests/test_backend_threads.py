@@ -30,6 +30,8 @@ if child == 0:
         match("opencl")
     except BackendError as error:
         print(error, flush=True)
+    (opencl,) = [status for status in sg.devices() if status.name.startswith("opencl")]
+    print("listed", opencl.reason, flush=True)
     os._exit(0)
 os.waitpid(child, 0)
 """
@@ -51,7 +53,9 @@ def test_threads_may_make_the_first_match_at_once(backend):
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are not forked here")
 @pytest.mark.parametrize("backend", ["opencl"], indirect=True)
 def test_opencl_refuses_a_forked_process(backend):
-    assert "spawn" in run(FORK)
+    said = run(FORK)
+    assert "spawn" in said
+    assert "listed OpenCL was used before this process was forked" in said
 
 
 @pytest.mark.parametrize("backend", ["opencl"], indirect=True)

@@ -49,6 +49,8 @@ def statuses() -> list[DeviceStatus]:
         found = _devices()
     except cl.Error as error:
         return [DeviceStatus("opencl", "no OpenCL driver", "cpu", _first_line(error), _INSTALL)]
+    except BackendError as error:
+        return [DeviceStatus("opencl", "OpenCL", "cpu", *str(error).split(": ", 1))]
     if not found:
         return [DeviceStatus("opencl", "no OpenCL device", "cpu", "no driver offers a device", _INSTALL)]
     return [_status(name, device) for name, device in found]
