@@ -142,6 +142,27 @@ def leaning_ncc(
     return (sum_ab - sum_a * sum_b / count) / wp.sqrt(energy)
 
 
+@wp.func
+def step_to_peak(below: float, here: float, above: float) -> wp.vec2:
+    """Where three scores one step apart peak, in steps from the middle, and the score there; not under SURE."""
+    moved = float(0.0)
+    best = here
+    if here >= below and here >= above:
+        bend = (below - here) + (above - here)
+        if bend < 0.0:
+            moved = 0.5 * (below - above) / bend
+    elif below >= above:
+        moved = -1.0
+        best = below
+    else:
+        moved = 1.0
+        best = above
+    if best < SURE:
+        moved = 0.0
+        best = here
+    return wp.vec2(moved, best)
+
+
 # Half of a multiprocessor's threads at least; Warp's loop over the grid would take registers for its counters.
 @wp.kernel(launch_bounds=(256, 4), grid_stride=False)
 def slant(
@@ -179,20 +200,6 @@ def slant(
     here = leaning_ncc(reference, other, disparity, x, y, plane, 0.0, width, height, radius, way)
     below = leaning_ncc(reference, other, disparity, x, y, plane, -step, width, height, radius, way)
     above = leaning_ncc(reference, other, disparity, x, y, plane, step, width, height, radius, way)
-    moved = float(0.0)
-    best = here
-    if here >= below and here >= above:
-        bend = (below - here) + (above - here)
-        if bend < 0.0:
-            moved = 0.5 * (below - above) / bend
-    elif below >= above:
-        moved = -1.0
-        best = below
-    else:
-        moved = 1.0
-        best = above
-    if best < SURE:
-        moved = 0.0
-        best = here
-    disparity_out[pixel] = plane[0] + moved * step
-    score_out[pixel] = wp.max(best, 0.0)
+    peak = step_to_peak(below, here, above)
+    disparity_out[pixel] = plane[0] + peak[0] * step
+    score_out[pixel] = wp.max(peak[1], 0.0)

@@ -5,7 +5,7 @@ A work-item takes a row. What the three correlations of a pixel have in common i
 
 import warp as wp
 
-from stereo_gpu.kernels.warp.slant import SAME_SURFACE, SURE, fit_plane, slope
+from stereo_gpu.kernels.warp.slant import SAME_SURFACE, fit_plane, slope, step_to_peak
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -110,23 +110,6 @@ def slant(
         plane = fit_plane(given, x, y, along_x, along_y, width, height)
         way = float(direction)
         scores = leaning_nccs(ours, theirs, given, x, y, plane, step, width, height, radius, way)
-        below = scores[0]
-        here = scores[1]
-        above = scores[2]
-        moved = float(0.0)
-        best = here
-        if here >= below and here >= above:
-            bend = (below - here) + (above - here)
-            if bend < 0.0:
-                moved = 0.5 * (below - above) / bend
-        elif below >= above:
-            moved = -1.0
-            best = below
-        else:
-            moved = 1.0
-            best = above
-        if best < SURE:
-            moved = 0.0
-            best = here
-        disparity_out[pixel] = plane[0] + moved * step
-        score_out[pixel] = wp.max(best, 0.0)
+        peak = step_to_peak(scores[0], scores[1], scores[2])
+        disparity_out[pixel] = plane[0] + peak[0] * step
+        score_out[pixel] = wp.max(peak[1], 0.0)
