@@ -9,7 +9,6 @@ import sys
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
-from os import cpu_count
 from pathlib import Path
 
 from gpu_chips import CHIPS, bound
@@ -26,6 +25,7 @@ from gpu_compile import (
 )
 
 from stereo_gpu.backends import devices
+from stereo_gpu.backends.bands import usable_cores
 from stereo_gpu.bench import BenchOptions, run_bench
 from stereo_gpu.errors import StereoError
 from stereo_gpu.kernels.costs import cost
@@ -61,7 +61,7 @@ def main() -> int:
 def compile_all(compile_one: Callable[[str], list[Compiled]]) -> list[Compiled]:
     """Compile every kernel, as many at a time as there are cores; the order is the kernels'."""
     # Warp and its threads must not be forked.
-    with ProcessPoolExecutor(cpu_count(), mp_context=get_context("spawn")) as pool:
+    with ProcessPoolExecutor(usable_cores(), mp_context=get_context("spawn")) as pool:
         return [one for several in pool.map(compile_one, KERNELS) for one in several]
 
 

@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 
 from stereo_gpu.backends import Backend
+from stereo_gpu.backends.bands import usable_cores
 from stereo_gpu.backends.contract import host_memory
 
 PACKAGES = ("stereo-gpu", "numpy", "opencv-python-headless", "pyopencl", "pocl-binary-distribution", "warp-lang")
@@ -88,7 +89,7 @@ def describe_machine() -> dict[str, Any]:
     system = f"{platform.system()} {'.'.join(platform.release().split('.')[:2])}"
     return {
         "processor": _processor(),
-        "cores": _cores(),
+        "cores": usable_cores(),
         "memory_bytes": _memory(),
         "system": f"{system} {platform.machine()}",
         "python": platform.python_version(),
@@ -96,10 +97,6 @@ def describe_machine() -> dict[str, Any]:
         "load_average": os.getloadavg()[0] if hasattr(os, "getloadavg") else None,
         "versions": versions,
     }
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _processor() -> str:
@@ -138,7 +135,7 @@ def _elements(device_bytes: int) -> int:
 def _host_copy() -> float:
     source = np.ones(_elements(host_memory()), np.float32)
     target = np.zeros_like(source)
-    cores = _cores()
+    cores = usable_cores()
     parts = [np.s_[len(source) * i // cores : len(source) * (i + 1) // cores] for i in range(cores)]
     with ThreadPoolExecutor(cores) as pool:
 
