@@ -62,20 +62,19 @@ class Compiled:
 
 
 def find_ptxas() -> str:
-    """NVIDIA's assembler: PyPI's, which the tool installs, else the one on the path.
+    """NVIDIA's assembler from PyPI, which the tool installs: one of another toolkit may be too old for Warp's PTX.
 
     Raises:
-        FileNotFoundError: there is none.
+        FileNotFoundError: it is not installed.
     """
     try:
         files = importlib.metadata.files("nvidia-cuda-nvcc") or []
     except importlib.metadata.PackageNotFoundError:
         files = []
-    # A wheel's programs lose their right to be run when some tools unpack it.
-    found = [str(file.locate()) for file in files if file.name == "ptxas"] or [shutil.which("ptxas") or ""]
-    if not found[0]:
+    found = next((str(file.locate()) for file in files if file.name == "ptxas"), "")
+    if not found:
         raise FileNotFoundError("no ptxas: pip install -e '.[gpu-report]'")
-    return found[0]
+    return found
 
 
 def compile_for_cuda(kernel: str) -> list[Compiled]:
