@@ -56,11 +56,12 @@ def draw_roofline(run: BenchRun) -> Figure | None:
         0.01,
         0.012,
         "Operations are counted from each kernel's formula, bytes are each input and output once. Both roofs were"
-        " measured in this run. Kernels whose work depends on the picture are left out.",
+        " measured in this run,\nthe sloping one on arrays larger than any cache: above it the caches hold the data."
+        " Kernels whose work depends on the picture are left out.",
         fontsize=7.6,
         color=ROOF,
     )
-    figure.tight_layout(rect=(0, 0.035, 1, 1))
+    figure.tight_layout(rect=(0, 0.055, 1, 1))
     # What follows depends on where the panels have come to lie.
     for axes, (facts, rows) in zip(figure.axes, panels, strict=True):
         ridge = facts.operations_s / facts.copy_bytes_s
