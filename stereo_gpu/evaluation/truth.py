@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from stereo_gpu.errors import InputError
 from stereo_gpu.images import read_image
 from stereo_gpu.pfm import read_pfm
-from stereo_gpu.types import Floats
+from stereo_gpu.types import Floats, Picture
 
 KITTI_SCALE = 256.0  # grey levels a px of the 16-bit pictures of KITTI and most who store disparities so
 
@@ -46,7 +46,7 @@ def read_disparity(path: str | os.PathLike[str], scale: float | None = None) -> 
     elif ending in (".npy", ".npz"):
         values = _read_numpy(path)
     else:
-        values, scale = _read_grey(path, scale)
+        values, scale = _read_levels(path, scale)
     with np.errstate(over="ignore"):  # doubles that float32 cannot hold become infinite, which is no value
         scaled = np.asarray(values / (scale or 1.0), np.float32)
     return np.where(np.isfinite(scaled), scaled, np.float32(np.nan))
@@ -64,14 +64,27 @@ def read_truth(path: str | os.PathLike[str], scale: float | None = None) -> Floa
     return truth
 
 
-def _read_grey(path: Path, scale: float | None) -> tuple[Floats, float]:
+def read_confidence(path: str | os.PathLike[str]) -> Floats:
+    """Read how sure a map is of each pixel, (H, W) float32, more is surer: PFM, .npy, .npz or a grey picture.
+
+    Grey levels are stretched to 0..1.
+
+    Raises:
+        InputError: the file is missing, damaged or not of one channel.
+    """
+    path = Path(path)
+    ending = path.suffix.lower()
+    if ending == ".pfm":
+        return read_pfm(path)
+    if ending in (".npy", ".npz"):
+        return np.asarray(_read_numpy(path), np.float32)
+    picture = read_grey(path)
+    return np.asarray(picture / np.iinfo(picture.dtype).max, np.float32)
+
+
+def _read_levels(path: Path, scale: float | None) -> tuple[Floats, float]:
     """Grey levels, NaN for 0, and the scale that they are to be divided by."""
-    picture = read_image(path)
-    if picture.ndim == 3:
-        # Tsukuba's truth is grey, stored as RGB. A coloured rendering holds no disparities.
-        if (picture != picture[..., :1]).any():
-            raise InputError(f"{path} is in colour: give the map itself, in grey, not a rendering of it")
-        picture = picture[..., 0]
+    picture = read_grey(path)
     if scale is None:
         if picture.dtype == np.uint8:
             raise InputError(f"{path} has 8 bits: say how many grey levels are one px, as 4 for Middlebury's Teddy")
@@ -79,12 +92,26 @@ def _read_grey(path: Path, scale: float | None) -> tuple[Floats, float]:
     return np.where(picture == 0, np.nan, picture).astype(np.float32), scale
 
 
+def read_grey(path: Path) -> Picture:
+    """Read a picture in grey, (H, W), be it stored as RGB, as Tsukuba's truth is.
+
+    Raises:
+        InputError: no such picture, or in colour: a rendering holds no numbers.
+    """
+    picture = read_image(path)
+    if picture.ndim == 2:
+        return picture
+    if (picture != picture[..., :1]).any():
+        raise InputError(f"{path} is in colour: give the map or mask itself, in grey, not a rendering of it")
+    return picture[..., 0]
+
+
 def _read_numpy(path: Path) -> NDArray[Any]:
     """The array of a .npy file, or the only one of a .npz file, as floats."""
     try:
-        loaded = np.load(path, allow_pickle=False)
-        if isinstance(loaded, np.lib.npyio.NpzFile):
-            with loaded:
+        with path.open("rb") as stream:  # np.load leaves a broken archive open that it opened itself
+            loaded = np.load(stream, allow_pickle=False)
+            if isinstance(loaded, np.lib.npyio.NpzFile):
                 if len(loaded.files) != 1:
                     raise InputError(f"{path} holds {len(loaded.files)} arrays: store the map alone")
                 loaded = loaded[loaded.files[0]]
