@@ -211,6 +211,9 @@ def _matching(parser: argparse.ArgumentParser, profile: str) -> None:
     )
     parser.add_argument("--window", type=int, help="side of the window, px, odd, 3 to 31; by default the profile's")
     parser.add_argument("--reference", default="right", help="view that the result is laid out on (%(default)s)")
+    parser.add_argument(
+        "--tile", type=int, metavar="PX", help="largest side of the parts to match in; by default what fits the memory"
+    )
 
 
 def _numbers(kind: type, count: int) -> Callable[[str], tuple[float, ...]]:

@@ -104,6 +104,7 @@ def match(options: argparse.Namespace) -> None:
         reference=options.reference,
         profile=options.profile,
         mask=mask,
+        tile=options.tile,
         backend=options.backend,
     )
     with whole_folder(options.out) as new:
@@ -144,6 +145,7 @@ def reconstruct(options: argparse.Namespace) -> None:
             rectangle=options.rectangle,
             depth=options.depth,
             mesh=MeshOptions(faces=options.faces, smoothing=options.smoothing, unwrap=options.unwrap),
+            tile=options.tile,
             progress=progress.step,
         )
         progress.step("save")

@@ -19,7 +19,8 @@ class MatchOptions:
     """How a disparity map is made.
 
     Args:
-        window: side of the square correlation window, px, odd, 3 to 31.
+        window: side of the square correlation window, px, odd, 3 to 31; with `windows`, the largest of them.
+        windows: sides that are tried for each pixel, smallest first; none for `window` alone.
         texture_threshold: RMS contrast of a window, in grey levels of 0..255, at or under which it is flat.
         subpixel: whether a parabola refines the winner.
         smooth_sigma: standard deviation of the Gaussian prefilter, px; 0 for none.
@@ -41,11 +42,13 @@ class MatchOptions:
         support_reach, support_step: how far these surroundings go and how densely they are sampled, px.
         fill_reach: longest hole in a row that is filled, px; 0 for none.
         same_surface_px: difference up to which two disparities belong to one surface, px.
+        tile: largest side of the parts that a picture is matched in, px; None for what fits the device's memory.
     """
 
     window: int
     texture_threshold: float
     subpixel: bool
+    windows: tuple[int, ...] = ()
     smooth_sigma: float = 0.0
     smooth_paths: bool = False
     small_penalty: float = 0.0
@@ -66,18 +69,21 @@ class MatchOptions:
     support_step: int = 3
     fill_reach: int = 0
     same_surface_px: float = 1.0
+    tile: int | None = None
 
 
 PROFILES = {
     Profile.PAPER: MatchOptions(window=11, texture_threshold=1.0, subpixel=False, whole_volume=True, median=3),
     Profile.FAST: MatchOptions(
-        window=7,
-        texture_threshold=0.5,
+        window=5,
+        texture_threshold=0.3,  # what rounding to whole grey levels makes of a flat window, 1 / sqrt(12)
         subpixel=True,
         consistency_px=1.0,
         median=5,
-        support_share=0.3,
-        fill_reach=32,
+        support_share=0.15,
+        support_reach=8,
+        support_step=4,
+        fill_reach=64,
     ),
     Profile.PRECISE: MatchOptions(
         window=9,
@@ -99,6 +105,8 @@ PROFILES = {
         fill_reach=64,
     ),
 }
+# For window "auto": each has two to three times the pixels of the one before, up to the paper's own.
+AUTO_WINDOWS = (3, 5, 7, 11)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,7 @@ from stereo_gpu.config import MatchOptions, Profile
 from stereo_gpu.prepare import prepare_view
 from stereo_gpu.refine import better, complete, lean, verify
 from stereo_gpu.timing import Stopwatch
-from stereo_gpu.types import Disparity, Floats, Validity, View
+from stereo_gpu.types import Bytes, Disparity, Floats, Validity, View
 from stereo_gpu.winners import Winners, find_winners, make_volumes, scratch_bytes, volume_bytes
 
 # A map is believed if this share of its pixels has an NCC over that.
@@ -45,6 +45,44 @@ def match_on(
 
     Raises:
         MemoryLimitError: the job does not fit the device.
+    """
+    found = match_part(
+        backend,
+        left,
+        right,
+        scales=scales,
+        masks=masks,
+        smallest=smallest,
+        disparities=disparities,
+        reference=reference,
+        options=options,
+        watch=watch,
+    )
+    if not options.smooth_paths or is_founded(
+        *count_sure(backend.download(found.values), backend.download(found.score))
+    ):
+        return found
+    values, validity = (backend.download(array) for array in (found.values, found.validity))
+    drop_all(values, validity)
+    return dataclasses.replace(found, values=backend.upload(values), validity=backend.upload(validity))
+
+
+def match_part(
+    backend: Backend,
+    left: DeviceArray,
+    right: DeviceArray,
+    *,
+    scales: tuple[float, float],
+    masks: tuple[DeviceArray, DeviceArray],
+    smallest: int,
+    disparities: int,
+    reference: View,
+    options: MatchOptions,
+    watch: Stopwatch,
+) -> Winners:
+    """Match a part of two pictures; whether the map is founded is for its caller to judge, who sees the whole of it.
+
+    Arguments and errors are those of `match_on`.
     """
     check_match_memory(backend, left.shape[1], left.shape[0], disparities, options)
     with watch.step("norms"):
@@ -92,24 +130,29 @@ def match_on(
             options=options,
         )
         backend.finish()
-    return drop_unfounded(backend, found) if options.smooth_paths else found
+    return found
 
 
-def drop_unfounded(backend: Backend, found: Winners) -> Winners:
-    """Drop a whole map of smooth paths of which next to nothing correlates.
+def count_sure(values: Floats, score: Floats) -> tuple[int, int]:
+    """How many pixels have a value that correlates well, and how many have a value."""
+    given = np.isfinite(values)
+    return int((score[given] > SURE_SCORE).sum()), int(given.sum())
+
+
+def is_founded(sure: int, given: int) -> bool:
+    """Whether a map of smooth paths shows a surface, judged over all of it.
 
     Paths carry disparities across flat parts; between two pictures without texture they would carry noise.
     """
-    values: Floats = backend.download(found.values)
-    score: Floats = backend.download(found.score)
-    given = np.isfinite(values)
-    if (score[given] > SURE_SCORE).sum() >= SURE_SHARE * given.sum():
-        return found
-    nothing = np.full(values.shape, np.nan, np.float32)
-    flat = np.full(values.shape, Validity.TEXTURELESS, np.uint8)
-    masked = (backend.download(found.validity) & Validity.MASKED) != 0
-    flat[masked] = Validity.MASKED
-    return dataclasses.replace(found, values=backend.upload(nothing), validity=backend.upload(flat))
+    return sure >= SURE_SHARE * given
+
+
+def drop_all(values: Floats, validity: Bytes) -> None:
+    """Take every value of a map away, in place."""
+    values[...] = np.nan
+    masked = (validity & Validity.MASKED) != 0
+    validity[...] = Validity.TEXTURELESS
+    validity[masked] = Validity.MASKED
 
 
 def download_disparity(
@@ -156,16 +199,16 @@ def check_match_memory(backend: Backend, width: int, height: int, disparities: i
     Raises:
         MemoryLimitError: with needed and available bytes and the option that would make it fit.
     """
-    pixels = width * height
-    # Two pictures, two views with sums, and the maps before and after each refinement.
-    needed, largest = pixels * 90, pixels * 12
     remedy = "use smaller pictures or fewer disparities"
-    scratch = scratch_bytes(backend, width, height, disparities, options)
-    largest = max(largest, scratch)
-    needed += scratch
-    volume = volume_bytes(width, height, disparities, options)
-    if volume:
-        largest = max(largest, volume)
-        needed += volume
+    if volume_bytes(width, height, disparities, options):
         remedy = "use profile fast, which never holds a cost volume, or fewer disparities"
-    backend.check_memory(needed, largest, remedy)
+    backend.check_memory(*match_bytes(backend, width, height, disparities, options), remedy)
+
+
+def match_bytes(backend: Backend, width: int, height: int, disparities: int, options: MatchOptions) -> tuple[int, int]:
+    """Estimate what a match takes on a device: bytes in all, and of the largest array."""
+    # Two pictures, two views with sums, and the maps before and after each refinement.
+    maps = width * height * 90
+    scratch = scratch_bytes(backend, width, height, disparities, options)
+    volume = volume_bytes(width, height, disparities, options)
+    return maps + scratch + volume, max(width * height * 12, scratch, volume)

@@ -6,9 +6,9 @@ import dataclasses
 import math
 from dataclasses import dataclass
 
-from stereo_gpu.config import PROFILES, MatchOptions, MeshOptions, Profile
+from stereo_gpu.config import MatchOptions, MeshOptions, Profile
 from stereo_gpu.errors import InputError
-from stereo_gpu.match_options import Range, check_options, check_range, parse_profile, parse_view
+from stereo_gpu.match_options import Range, Window, check_range, choose_options, parse_profile, parse_view
 from stereo_gpu.types import Bytes, Picture, View
 
 Rectangle = tuple[int, int, int, int]
@@ -33,11 +33,12 @@ def plan_job(
     profile: str,
     disparities: Range,
     mask: Bytes | None,
-    window: int | None,
+    window: Window | None,
     reference: str,
     rectangle: Rectangle | None,
     depth: tuple[float, float] | None,
     mesh: MeshOptions | None,
+    tile: int | None = None,
 ) -> Job:
     """Parse the options and check what can be checked without a picture.
 
@@ -45,7 +46,10 @@ def plan_job(
         InputError: an option is wrong.
     """
     chosen = parse_profile(profile)
-    matching = PROFILES[chosen] if window is None else dataclasses.replace(PROFILES[chosen], window=int(window))
+    # NumPy's numbers, too, are to be written to result.json.
+    matching = dataclasses.replace(PROFILES[chosen], tile=None if tile is None else int(tile))
+    if window is not None:
+        matching = dataclasses.replace(matching, window=int(window))
     check_options(matching)
     mesh = mesh or MeshOptions()
     _check_mesh(mesh)
@@ -58,7 +62,6 @@ def plan_job(
         view=parse_view(reference),
         disparities=disparities,
         mask=mask,
-        # NumPy's numbers, too, are to be written to result.json.
         rectangle=None if rectangle is None else tuple(int(number) for number in rectangle),  # type: ignore[arg-type]
         depth=None if depth is None else (float(depth[0]), float(depth[1])),
         mesh=mesh,

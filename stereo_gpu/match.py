@@ -8,12 +8,12 @@ import numpy as np
 
 from stereo_gpu.backends import open_backend
 from stereo_gpu.config import PROFILES
-from stereo_gpu.device_match import download_disparity, match_on
 from stereo_gpu.disparity_range import find_range
 from stereo_gpu.errors import InputError
 from stereo_gpu.images import check_pair
 from stereo_gpu.match_options import Range, check_options, check_range, parse_profile, parse_view
 from stereo_gpu.prepare import grey_scale
+from stereo_gpu.tiles import match_in_tiles
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.types import Bytes, Disparity, Picture, View
 
@@ -28,6 +28,7 @@ def match(
     profile: str = "fast",
     mask: Bytes | None = None,
     other_mask: Bytes | None = None,
+    tile: int | None = None,
     backend: str | None = None,
 ) -> Disparity:
     """Match a rectified pair by normalized cross-correlation, winner takes all.
@@ -40,6 +41,7 @@ def match(
         profile: "paper" (the paper's appendix and median filter), "fast" or "precise".
         mask: (H, W), 0 where the reference view is not to be matched.
         other_mask: (H, W), 0 where the other view has no content.
+        tile: largest side of the parts that are matched one after another, px; None takes what fits the memory.
         backend: where to compute; None takes STEREO_GPU_BACKEND, else the best device.
 
     Returns:
@@ -47,13 +49,15 @@ def match(
 
     Raises:
         InputError: a picture, mask or option is wrong.
-        MemoryLimitError: the job does not fit the device.
+        MemoryLimitError: not even the smallest tile fits the device.
 
     Source: Medina-Zegarra and Lobaton, "3-D Visual Reconstruction: A System Perspective", appendix.
     """
     check_pair(left, right)
     view, chosen = parse_view(reference), parse_profile(profile)
-    options = PROFILES[chosen] if window is None else dataclasses.replace(PROFILES[chosen], window=window)
+    options = dataclasses.replace(PROFILES[chosen], tile=tile)
+    if window is not None:
+        options = dataclasses.replace(options, window=window)
     check_options(options)
     device = open_backend(backend)
     masks = [_mask(m, left.shape[:2], name) for m, name in ((mask, "mask"), (other_mask, "other_mask"))]
@@ -61,21 +65,19 @@ def match(
         valid_left, valid_right = masks if view is View.LEFT else masks[::-1]
         disparities = find_range(device, left, right, valid_left, valid_right)
     smallest, count = check_range(disparities, left.shape[1])
-    watch = Stopwatch()
-    pictures = [device.upload(picture) for picture in (left, right)]
-    found = match_on(
+    return match_in_tiles(
         device,
-        pictures[0],
-        pictures[1],
+        left,
+        right,
         scales=(grey_scale(left), grey_scale(right)),
-        masks=(device.upload(masks[0]), device.upload(masks[1])),
+        masks=(masks[0], masks[1]),
         smallest=smallest,
         disparities=count,
         reference=view,
+        profile=chosen,
         options=options,
-        watch=watch,
+        watch=Stopwatch(),
     )
-    return download_disparity(device, found, smallest, count, view, chosen, options, watch)
 
 
 def _mask(mask: Bytes | None, shape: tuple[int, ...], name: str) -> Bytes:

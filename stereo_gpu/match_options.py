@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Literal
 
-from stereo_gpu.config import MatchOptions, Profile
+from stereo_gpu.config import AUTO_WINDOWS, PROFILES, MatchOptions, Profile
 from stereo_gpu.errors import InputError
 from stereo_gpu.types import View
 
 LARGEST_RANGE = 8192  # winner_key holds a disparity's index in at most 13 bits
+SMALLEST_TILE = 16  # px; a smaller one is all margin
 STEEPEST_SLOPE = 3  # px a row; the walls of aggregate_cpu are as thick
 Range = tuple[int, int] | Literal["auto"]
+Window = int | Literal["auto"]
 
 
 def check_range(disparities: tuple[int, int], width: int) -> tuple[int, int]:
@@ -35,7 +38,7 @@ def check_range(disparities: tuple[int, int], width: int) -> tuple[int, int]:
 
 
 def check_options(options: MatchOptions) -> None:
-    """Refuse a window or slope that no kernel can take.
+    """Refuse a window, slope or tile that no kernel can take.
 
     Raises:
         InputError: with the value.
@@ -44,6 +47,8 @@ def check_options(options: MatchOptions) -> None:
         raise InputError(f"window = {options.window}: it must be odd and from 3 to 31")
     if any(abs(slope) > STEEPEST_SLOPE for slope in options.row_slopes):
         raise InputError(f"row_slopes = {options.row_slopes}: at most {STEEPEST_SLOPE} px a row can be followed")
+    if options.tile is not None and options.tile < SMALLEST_TILE:
+        raise InputError(f"tile = {options.tile}: it must be {SMALLEST_TILE} px or more, or be left out")
 
 
 def parse_view(name: str) -> View:

@@ -16,7 +16,6 @@ from stereo_gpu.backends import Backend, open_backend
 from stereo_gpu.check import check_rectified, refuse_swapped
 from stereo_gpu.config import MeshOptions
 from stereo_gpu.decimate import decimate
-from stereo_gpu.device_match import download_disparity, match_on
 from stereo_gpu.disparity_range import find_range
 from stereo_gpu.errors import InputError
 from stereo_gpu.fairing import fair
@@ -30,6 +29,7 @@ from stereo_gpu.rectify import DevicePair, check_rig, download_pair, plan_rectif
 from stereo_gpu.result import Reconstruction
 from stereo_gpu.rig import Rig
 from stereo_gpu.texture import bake_texture, project
+from stereo_gpu.tiles import match_in_tiles
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.triangulate import triangulate_on
 from stereo_gpu.types import Bytes, Disparity, Floats, Mesh, Picture, RectifiedPair, Validity, View
@@ -62,11 +62,12 @@ def reconstruct(
     disparities: Range = "auto",
     mask: Bytes | None = None,
     backend: str | None = None,
-    window: int | None = None,
+    window: Window | None = None,
     reference: str = "right",
     rectangle: Rectangle | None = None,
     depth: tuple[float, float] | None = None,
     mesh: MeshOptions | None = None,
+    tile: int | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Reconstruction:
     """Reconstruct what two calibrated cameras see.
@@ -78,12 +79,13 @@ def reconstruct(
         disparities: smallest disparity and how many to search, px, or "auto".
         mask: (H, W) on the rectified reference view, 0 where nothing is wanted.
         backend: where to compute; None takes STEREO_GPU_BACKEND, else the best device.
-        window: side of the correlation window, px; None takes the profile's.
+        window: side of the correlation window, px, or "auto" for a choice at each pixel; None takes the profile's.
         reference: the view that the mesh is laid out on and textured from; "right" as in the paper.
         rectangle: x, y, width, height around the object on the rectified reference view, px: GrabCut finds its
             outline, where the paper cut the background away by hand.
         depth: nearest and farthest depth that is wanted, in the rig's unit.
         mesh: how the mesh is made.
+        tile: largest side of the parts that are matched one after another, px; None takes what fits the memory.
         progress: told the name of each stage of STAGES as it begins.
 
     Returns:
@@ -94,7 +96,7 @@ def reconstruct(
         BackendError: the device is missing, too small or fails.
         StageError: nothing was left to make a mesh of.
     """
-    job = plan_job(profile, disparities, mask, window, reference, rectangle, depth, mesh)
+    job = plan_job(profile, disparities, mask, window, reference, rectangle, depth, mesh, tile)
     device = open_backend(backend)
     watch = Stopwatch(progress)
     with watch.step("read"):
@@ -117,18 +119,19 @@ def reconstruct_rectified(
     disparities: Range = "auto",
     mask: Bytes | None = None,
     backend: str | None = None,
-    window: int | None = None,
+    window: Window | None = None,
     reference: str = "right",
     rectangle: Rectangle | None = None,
     depth: tuple[float, float] | None = None,
     mesh: MeshOptions | None = None,
+    tile: int | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Reconstruction:
     """Reconstruct a pair that is rectified already, such as Middlebury's; see `RectifiedPair.from_geometry`.
 
     Arguments, result and errors are those of `reconstruct`; the raw pictures of the result are the pair's own.
     """
-    job = plan_job(profile, disparities, mask, window, reference, rectangle, depth, mesh)
+    job = plan_job(profile, disparities, mask, window, reference, rectangle, depth, mesh, tile)
     device = open_backend(backend)
     watch = Stopwatch(progress)
     with watch.step("read"):
@@ -174,22 +177,21 @@ def _from_rectified(
         else:
             smallest, count = job.disparities
     with watch.step("match"):
-        steps = Stopwatch()
-        found = match_on(
+        disparity = match_in_tiles(
             device,
-            held.left,
-            held.right,
+            pair.left,
+            pair.right,
             scales=scales,
-            masks=(device.upload(wanted), device.upload(other_valid)),
+            masks=(wanted, other_valid),
             smallest=smallest,
             disparities=count,
             reference=job.view,
+            profile=job.profile,
             options=job.matching,
-            watch=steps,
+            watch=Stopwatch(),
         )
-        disparity = download_disparity(device, found, smallest, count, job.view, job.profile, job.matching, steps)
     with watch.step("triangulate"):
-        points: Floats = device.download(triangulate_on(device, found.values, job.view, pair))
+        points: Floats = device.download(triangulate_on(device, device.upload(disparity.values), job.view, pair))
         if job.depth is not None:
             disparity, points = _cut_depth(disparity, points, job.depth)
     with watch.step("mesh"):

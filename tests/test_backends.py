@@ -11,6 +11,8 @@ import pytest
 import stereo_gpu as sg
 from stereo_gpu.backends import devices, open_backend
 from stereo_gpu.backends.contract import host_memory
+from stereo_gpu.config import PROFILES, Profile
+from stereo_gpu.device_match import check_match_memory
 from stereo_gpu.doctor import examine
 from stereo_gpu.errors import BackendError, MemoryLimitError
 from stereo_gpu.kernels.opencl import parameters, source
@@ -166,9 +168,8 @@ def test_a_volume_that_does_not_fit_says_what_would(backend):
     count = min(8192, one // (side * side * 4) + 64)
     if side * side * 4 * count <= one:
         pytest.skip(f"{backend.name} has room for {count} disparities of {side} x {side} px")
-    picture = np.zeros((side, side), np.uint8)
     with pytest.raises(MemoryLimitError, match="profile fast"):
-        sg.match(picture, picture, disparities=(0, count), profile="paper", backend=backend.name)
+        check_match_memory(backend, side, side, count, PROFILES[Profile.PAPER])
 
 
 def test_host_memory_is_that_of_this_machine():

@@ -130,6 +130,7 @@ MATCHING_FAULTS = [
     (("--window", "4"), "must be odd"),
     (("--window", "33"), "from 3 to 31"),
     (("--window", "nan"), "invalid int"),
+    (("--tile", "4"), "tile = 4"),
     (("--reference", "up"), "left or right"),
     (("--profile", "best"), "paper, fast, precise"),
     (("--mask", "missing.png"), "no such file"),

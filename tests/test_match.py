@@ -267,6 +267,6 @@ def test_auto_range_finds_negative_disparities():
 def test_options_are_recorded():
     left, right, _ = textured_pair(60, 40)
     found = match(left, right, disparities=(0, 30), window=9)
-    assert found.options == {"profile": "fast", **dataclasses.asdict(PROFILES[Profile.FAST]), "window": 9}
+    assert found.options == {"profile": "fast", **dataclasses.asdict(PROFILES[Profile.FAST]), "window": 9, "tiles": [1, 1]}
     assert found.backend == open_backend().name
     assert set(found.seconds) == {"norms", "correlation", "refinement"}
