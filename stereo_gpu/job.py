@@ -46,11 +46,7 @@ def plan_job(
         InputError: an option is wrong.
     """
     chosen = parse_profile(profile)
-    # NumPy's numbers, too, are to be written to result.json.
-    matching = dataclasses.replace(PROFILES[chosen], tile=None if tile is None else int(tile))
-    if window is not None:
-        matching = dataclasses.replace(matching, window=int(window))
-    check_options(matching)
+    matching = choose_options(chosen, window, tile)
     mesh = mesh or MeshOptions()
     _check_mesh(mesh)
     if depth is not None and not (len(depth) == 2 and 0 <= depth[0] < depth[1]):  # false for NaN, too
@@ -62,6 +58,7 @@ def plan_job(
         view=parse_view(reference),
         disparities=disparities,
         mask=mask,
+        # NumPy's numbers, too, are to be written to result.json.
         rectangle=None if rectangle is None else tuple(int(number) for number in rectangle),  # type: ignore[arg-type]
         depth=None if depth is None else (float(depth[0]), float(depth[1])),
         mesh=mesh,

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 
 from stereo_gpu.backends import open_backend
-from stereo_gpu.config import PROFILES
 from stereo_gpu.disparity_range import find_range
 from stereo_gpu.errors import InputError
 from stereo_gpu.images import check_pair
-from stereo_gpu.match_options import Range, check_options, check_range, parse_profile, parse_view
+from stereo_gpu.match_options import Range, Window, check_range, choose_options, parse_profile, parse_view
 from stereo_gpu.prepare import grey_scale
 from stereo_gpu.tiles import match_in_tiles
 from stereo_gpu.timing import Stopwatch
@@ -23,7 +20,7 @@ def match(
     right: Picture,
     *,
     disparities: Range = (0, 64),
-    window: int | None = None,
+    window: Window | None = None,
     reference: str = "right",
     profile: str = "fast",
     mask: Bytes | None = None,
@@ -36,7 +33,8 @@ def match(
     Args:
         left, right: rectified pictures of one size, (H, W) or (H, W, 3), uint8 or uint16.
         disparities: smallest disparity and how many to search, px, or "auto" to find the range first.
-        window: side of the correlation window, px, odd, 3 to 31; None takes the profile's.
+        window: side of the correlation window, px, odd, 3 to 31; None takes the profile's; "auto" in profile "fast"
+            takes at each pixel the smallest of several that the other view and the surroundings confirm.
         reference: the view that the map is laid out on, "right" as in the paper, or "left".
         profile: "paper" (the paper's appendix and median filter), "fast" or "precise".
         mask: (H, W), 0 where the reference view is not to be matched.
@@ -55,10 +53,7 @@ def match(
     """
     check_pair(left, right)
     view, chosen = parse_view(reference), parse_profile(profile)
-    options = dataclasses.replace(PROFILES[chosen], tile=tile)
-    if window is not None:
-        options = dataclasses.replace(options, window=window)
-    check_options(options)
+    options = choose_options(chosen, window, tile)
     device = open_backend(backend)
     masks = [_mask(m, left.shape[:2], name) for m, name in ((mask, "mask"), (other_mask, "other_mask"))]
     if disparities == "auto":

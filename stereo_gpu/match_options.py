@@ -37,14 +37,42 @@ def check_range(disparities: tuple[int, int], width: int) -> tuple[int, int]:
     return smallest, count
 
 
+def choose_options(profile: Profile, window: Window | None = None, tile: int | None = None) -> MatchOptions:
+    """A profile's options, with the window and tile that were asked for.
+
+    Args:
+        profile: whose options.
+        window: side of the window, px; None takes the profile's. "auto" leaves the choice to each pixel: `fast` then
+            tries AUTO_WINDOWS, and `precise` does as it always does, whose smooth paths need no window.
+        tile: largest side of a tile, px; None for what fits the memory.
+
+    Raises:
+        InputError: no kernel can take such a window, the profile has one by definition, or the tile is too small.
+    """
+    # NumPy's numbers, too, are to be written to result.json.
+    options = dataclasses.replace(PROFILES[profile], tile=None if tile is None else int(tile))
+    if isinstance(window, str):
+        if window != "auto":
+            raise InputError(f"window = {window!r}: give the side of a square in px, odd, 3 to 31, or auto")
+        if profile is Profile.PAPER:
+            raise InputError("window = auto: profile paper has one window for all pixels; give its side, or use fast")
+        if profile is Profile.FAST:
+            options = dataclasses.replace(options, window=AUTO_WINDOWS[-1], windows=AUTO_WINDOWS)
+    elif window is not None:
+        options = dataclasses.replace(options, window=int(window), windows=())
+    check_options(options)
+    return options
+
+
 def check_options(options: MatchOptions) -> None:
     """Refuse a window, slope or tile that no kernel can take.
 
     Raises:
         InputError: with the value.
     """
-    if options.window % 2 == 0 or not 3 <= options.window <= 31:
-        raise InputError(f"window = {options.window}: it must be odd and from 3 to 31")
+    for window in (options.window, *options.windows):
+        if window % 2 == 0 or not 3 <= window <= 31:
+            raise InputError(f"window = {window}: it must be odd and from 3 to 31, or auto")
     if any(abs(slope) > STEEPEST_SLOPE for slope in options.row_slopes):
         raise InputError(f"row_slopes = {options.row_slopes}: at most {STEEPEST_SLOPE} px a row can be followed")
     if options.tile is not None and options.tile < SMALLEST_TILE:

@@ -22,7 +22,7 @@ from stereo_gpu.fairing import fair
 from stereo_gpu.images import check_pair, read_image
 from stereo_gpu.job import Job, Rectangle, check_against, plan_job
 from stereo_gpu.mask import mask_from_depth, mask_from_rectangle
-from stereo_gpu.match_options import Range
+from stereo_gpu.match_options import Range, Window
 from stereo_gpu.mesh import build_mesh
 from stereo_gpu.prepare import grey_scale
 from stereo_gpu.rectify import DevicePair, check_rig, download_pair, plan_rectification, rectify_on
@@ -79,7 +79,7 @@ def reconstruct(
         disparities: smallest disparity and how many to search, px, or "auto".
         mask: (H, W) on the rectified reference view, 0 where nothing is wanted.
         backend: where to compute; None takes STEREO_GPU_BACKEND, else the best device.
-        window: side of the correlation window, px, or "auto" for a choice at each pixel; None takes the profile's.
+        window: side of the correlation window, px; "auto" for a choice at each pixel; None takes the profile's.
         reference: the view that the mesh is laid out on and textured from; "right" as in the paper.
         rectangle: x, y, width, height around the object on the rectified reference view, px: GrabCut finds its
             outline, where the paper cut the background away by hand.
