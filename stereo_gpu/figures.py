@@ -5,6 +5,7 @@ All take arrays and return uint8 RGB pictures of the same size unless they say o
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import cv2
@@ -87,17 +88,25 @@ def colour_validity(validity: Bytes, *, legend: bool = True) -> Bytes:
     for index, (bit, _) in reversed(list(enumerate(VALIDITY_COLOURS.values()))):
         if bit:
             classes[(validity & bit) != 0] = index
-    palette = np.array([colour for _, colour in VALIDITY_COLOURS.values()], np.uint8)
-    coloured = palette[classes]
+    named = [(name, colour) for name, (_, colour) in VALIDITY_COLOURS.items()]
+    return colour_classes(classes, named, legend=legend)
+
+
+def colour_classes(classes: Bytes, named: Sequence[tuple[str, Colour]], *, legend: bool = True) -> Bytes:
+    """Show the class of each pixel, (H, W) index into `named`; the legend, last class first, is added below.
+
+    The legend gives each class's share of the pixels, and leaves out what none has.
+    """
+    coloured = np.array([colour for _, colour in named], np.uint8)[classes]
     if not legend:
         return np.asarray(coloured)
-    counts = np.bincount(classes.ravel(), minlength=len(VALIDITY_COLOURS))
+    counts = np.bincount(classes.ravel(), minlength=len(named))
     entries = [
         (f"{name} {100 * count / classes.size:.1f} %", colour)
-        for (name, (_, colour)), count in zip(VALIDITY_COLOURS.items(), counts, strict=True)
+        for (name, colour), count in zip(named, counts, strict=True)
         if count
     ]
-    return np.vstack([coloured, _legend(entries[::-1], validity.shape[1])])
+    return np.vstack([coloured, _legend(entries[::-1], classes.shape[1])])
 
 
 def masked(picture: Picture, mask: NDArray[Any]) -> Bytes:
