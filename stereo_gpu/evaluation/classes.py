@@ -1,4 +1,4 @@
-"""The classes of pixels that a map is scored over, taken from mask files where there are some and else from the truth."""
+"""The classes of pixels that a map is scored over, from mask files where there are some and else from the truth."""
 
 from __future__ import annotations
 
