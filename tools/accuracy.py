@@ -1,132 +1,152 @@
-"""Hold the disparity maps of every profile, and of OpenCV's semi-global matcher, against Middlebury's truth.
+"""Measure how wrong every profile and OpenCV's matchers are, and write the tables of docs/accuracy.md.
 
-Prints the tables of docs/accuracy.md. Every map is laid out on the left view, where the truth is.
+What stands between marks in that page comes from here; the words around them are written by hand.
 """
 
 import argparse
-import json
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import cv2
-import numpy as np
 
-import stereo_gpu as sg
+from stereo_gpu.backends import open_backend
+from stereo_gpu.bench.plot import check_plotting
+from stereo_gpu.errors import StereoError
+from stereo_gpu.evaluation.accuracy import (
+    BoardResult,
+    PairResults,
+    board_files,
+    calibrate_boards,
+    found_range,
+    measure_boards,
+    measure_pair,
+)
+from stereo_gpu.evaluation.accuracy_tables import (
+    board_tables,
+    confidence_table,
+    cost_table,
+    light_table,
+    pair_table,
+    range_table,
+)
+from stereo_gpu.evaluation.cost import BENCH_SIZE, bench_pair, measure_costs
+from stereo_gpu.evaluation.matchers import AUTO, Matcher, opencv_matchers, our_matchers
+from stereo_gpu.evaluation.pairs import PAIRS, load_pair
+from stereo_gpu.evaluation.sections import put_section
+from stereo_gpu.evaluation.trade_plot import draw_trade
+from stereo_gpu.files import write_whole
 
 ROOT = Path(__file__).parents[1]
-PROFILES = ("paper", "fast", "precise")
-# Left and right picture, how many grey levels of the truth are one pixel, how many disparities are searched.
-GRADED = {"teddy": ("im2.png", "im6.png", 4, 64), "tsukuba": ("im3.png", "im4.png", 16, 16)}
-MOTORCYCLE_DISPARITIES = 64
-OPENCV = (("SGBM 3x3", 3, False), ("SGBM 3x3 filtered", 3, True), ("SGBM 5x5 filtered", 5, True))
-
-
-def opencv_map(left: np.ndarray, right: np.ndarray, disparities: int, window: int, filtered: bool) -> np.ndarray:
-    """The map of cv2.StereoSGBM with 8 paths, on the left view, NaN where it gives none.
-
-    It sees grey pictures, on which it does better than in colour, with the penalties and, if asked, the filters of
-    OpenCV's sample stereo_match.py. As it gives no value to the first `disparities` columns, the pictures get that
-    many more on the left: its map is then as wide as ours.
-    """
-    filters = {"disp12MaxDiff": 1, "uniquenessRatio": 10, "speckleWindowSize": 100, "speckleRange": 32}
-    matcher = cv2.StereoSGBM.create(
-        minDisparity=0,
-        numDisparities=disparities,
-        blockSize=window,
-        P1=8 * window * window,
-        P2=32 * window * window,
-        mode=cv2.StereoSGBM_MODE_HH,
-        **(filters if filtered else {"disp12MaxDiff": -1}),
-    )
-    grey = [cv2.cvtColor(p, cv2.COLOR_RGB2GRAY) for p in (left, right)]
-    wide = [cv2.copyMakeBorder(p, 0, 0, disparities, 0, cv2.BORDER_REPLICATE) for p in grey]
-    found = matcher.compute(*wide)[:, disparities:].astype(np.float32) / 16
-    return np.where(found < 0, np.nan, found)
-
-
-def maps(
-    left: np.ndarray, right: np.ndarray, disparities: int, backend: str | None
-) -> Iterator[tuple[str, np.ndarray]]:
-    """Name and map of every matcher."""
-    for profile in PROFILES:
-        found = sg.match(left, right, disparities=(0, disparities), reference="left", profile=profile, backend=backend)
-        yield profile, found.values
-    for name, window, filtered in OPENCV:
-        yield name, opencv_map(left, right, disparities, window, filtered)
-
-
-def graded(folder: Path, name: str, backend: str | None) -> Iterator[str]:
-    """A line a matcher: shares of the non-occluded pixels with truth that are wrong by more than 1 px."""
-    left_name, right_name, scale, disparities = GRADED[name]
-    left, right = (sg.read_image(folder / name / file) for file in (left_name, right_name))
-    truth = cv2.imread(str(folder / name / "groundtruth.png"), cv2.IMREAD_GRAYSCALE).astype(np.float64) / scale
-    counted = (cv2.imread(str(folder / name / "nonocc.png"), cv2.IMREAD_GRAYSCALE) == 255) & (truth > 0)
-    yield f"{name}, {left.shape[1]} x {left.shape[0]} x {disparities}, {int(counted.sum())} non-occluded pixels"
-    yield f"{'':18} {'bad-1.0':>9} {'of the given':>13} {'coverage':>9}"
-    for matcher, values in maps(left, right, disparities, backend):
-        given = np.isfinite(values)
-        wrong = np.abs(values - truth) > 1
-        yield (
-            f"{matcher:18} {(wrong | ~given)[counted].mean():9.1%} {wrong[counted & given].mean():13.1%}"
-            f" {given[counted].mean():9.1%}"
-        )
-
-
-def motorcycle(folder: Path, backend: str | None) -> Iterator[str]:
-    """A line a matcher: absolute errors in px and, through the published geometry, in mm of depth."""
-    left, right = (sg.read_image(folder / "motorcycle" / f"motorcycle_{side}.png") for side in ("left", "right"))
-    truth = np.load(folder / "motorcycle" / "motorcycle_disp.npz")["arr_0"]
-    camera = json.loads((folder / "motorcycle" / "calib.json").read_text("utf-8"))
-    known = np.isfinite(truth)
-
-    def depth(disparity: np.ndarray) -> np.ndarray:
-        return camera["baseline_mm"] * camera["focal_px"] / (disparity + camera["doffs_px"])
-
-    depths = depth(truth[known])
-    yield (
-        f"motorcycle, {left.shape[1]} x {left.shape[0]} x {MOTORCYCLE_DISPARITIES}, {int(known.sum())} pixels with"
-        f" truth (occluded ones too), {depths.min():.0f} to {depths.max():.0f} mm away"
-    )
-    yield (
-        f"{'':18} {'median px':>10} {'mean px':>8} {'median mm':>10} {'mean mm':>8} {'bad-1.0':>9}"
-        f" {'of the given':>13} {'coverage':>9}"
-    )
-    for matcher, values in maps(left, right, MOTORCYCLE_DISPARITIES, backend):
-        given = known & np.isfinite(values)
-        pixels = np.abs(values - truth)
-        lengths = np.abs(depth(values[given]) - depth(truth[given]))
-        yield (
-            f"{matcher:18} {np.median(pixels[given]):10.2f} {pixels[given].mean():8.2f} {np.median(lengths):10.1f}"
-            f" {lengths.mean():8.1f} {(~given | (pixels > 1))[known].mean():9.1%} {(pixels > 1)[given].mean():13.1%}"
-            f" {given[known].mean():9.1%}"
-        )
+SECTIONS = ("pairs", "light", "boards", "range", "confidence", "cost")
+TIMED = ("tsukuba", "teddy", "motorcycle")
+ALOE = ("aloe", "aloe, other exposure", "aloe, other light")
+SECONDS, CAP = 1.0, 5.0  # to time each matcher on each input, at least and at most
+PICTURE = "accuracy_time.png"
 
 
 def main() -> int:
-    """Print the tables; the exit status is 1 where the pictures are missing."""
+    """Write the page; the exit status is 1 where that fails."""
+    options = read_options()
+    try:
+        if "cost" in options.sections:
+            check_plotting()
+        matchers = our_matchers(options.backend) + opencv_matchers()
+        pairs = measure_pairs(options, matchers)
+        boards = measure_all_boards(options, matchers) if {"boards", "range"} & options.sections else []
+        made = {name: list(lines) for name, lines in sections(options, matchers, pairs, boards)}
+        for lines in made.values():
+            print("\n".join(lines), end="\n\n")
+        if set(pairs) == set(wanted_pairs(options.sections)):
+            write_page(options.docs / "accuracy.md", made)
+        else:
+            print("the page stays as it is: these are some of its pairs only")
+    except StereoError as error:
+        print(error, file=sys.stderr)
+        return 1
+    return 0
+
+
+def read_options() -> argparse.Namespace:
+    """The command line; `sections` are those to make."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument(
         "--data",
         type=Path,
         default=Path(os.environ.get("STEREO_GPU_DATA", ROOT.parent / "shared" / "data")),
-        help="folder that holds stereo/teddy, stereo/tsukuba and stereo/motorcycle; by default STEREO_GPU_DATA",
+        help="folder of real pictures; by default STEREO_GPU_DATA",
     )
     parser.add_argument("--backend", help="where to compute, as `stereo-gpu devices` names it")
+    parser.add_argument("--only", nargs="+", choices=SECTIONS, default=SECTIONS, help="sections of the page to make")
+    parser.add_argument("--no-timing", action="store_true", help="leave out what is timed, section cost")
+    parser.add_argument("--pairs", nargs="+", choices=PAIRS, help="some pairs only; prints and leaves the page alone")
+    parser.add_argument("--docs", type=Path, default=ROOT / "docs", help="folder to write to (docs)")
     options = parser.parse_args()
-    folder = options.data / "stereo"
-    missing = [name for name in (*GRADED, "motorcycle") if not (folder / name).is_dir()]
-    if missing:
-        print(f"{folder} holds no {', '.join(missing)}: set STEREO_GPU_DATA", file=sys.stderr)
-        return 1
-    for name in GRADED:
-        for line in graded(folder, name, options.backend):
-            print(line, flush=True)
-        print()
-    for line in motorcycle(folder, options.backend):
-        print(line, flush=True)
-    return 0
+    options.sections = set(options.only) - ({"cost"} if options.no_timing else set())
+    return options
+
+
+def wanted_pairs(wanted: set[str]) -> list[str]:
+    """The pairs that these sections are about."""
+    everything = {"range", "confidence"} & wanted
+    some = (TIMED if {"pairs", "cost"} & wanted else ()) + (ALOE if "light" in wanted else ())
+    return [name for name in PAIRS if everything or name in some]
+
+
+def measure_pairs(options: argparse.Namespace, matchers: list[Matcher]) -> dict[str, PairResults]:
+    """Every matcher on every pair that is wanted."""
+    measured = {}
+    for name in wanted_pairs(options.sections):
+        if not options.pairs or name in options.pairs:
+            print(f"measuring {name}", file=sys.stderr, flush=True)
+            measured[name] = measure_pair(load_pair(options.data, name), matchers)
+    return measured
+
+
+def measure_all_boards(options: argparse.Namespace, matchers: list[Matcher]) -> list[BoardResult]:
+    """Every matcher on every picture of the board."""
+    files = board_files(options.data)
+    print(f"measuring {len(files)} boards", file=sys.stderr, flush=True)
+    return list(measure_boards(files, calibrate_boards(files), matchers, options.backend))
+
+
+def sections(
+    options: argparse.Namespace, matchers: list[Matcher], pairs: dict[str, PairResults], boards: list[BoardResult]
+) -> Iterator[tuple[str, Iterable[str]]]:
+    """Name and lines of each section that is wanted and can be made."""
+    where = f"On {open_backend(options.backend).device}; OpenCV {cv2.__version__}."
+    timed = {name: pairs[name] for name in TIMED if name in pairs}
+    if "pairs" in options.sections:
+        yield "pairs", [where, *(line for each in timed.values() for line in ("", *pair_table(each)))]
+    if "light" in options.sections and set(ALOE) <= set(pairs):
+        yield "light", light_table(pairs[ALOE[0]], [pairs[name] for name in ALOE[1:]])
+    if "boards" in options.sections:
+        yield "boards", board_tables(boards)
+    if "range" in options.sections:
+        found = [found_range(name, each.pair.truth, each.results[AUTO].found.search) for name, each in pairs.items()]
+        yield "range", range_table(found, [board.range for board in boards])
+    if "confidence" in options.sections:
+        yield "confidence", confidence_table(list(pairs.values()))
+    if "cost" in options.sections:
+        inputs = {"{} x {} x {}".format(*BENCH_SIZE): bench_pair()}
+        inputs |= {name: (each.pair.left, each.pair.right, each.pair.search) for name, each in timed.items()}
+        costs = {}
+        for name, given in inputs.items():
+            print(f"timing {name}", file=sys.stderr, flush=True)
+            costs[name] = measure_costs(*given, matchers, seconds=SECONDS, cap=CAP)
+        load = f"{where} {os.cpu_count()} cores, load average {os.getloadavg()[0]:.1f}."
+        yield "cost", [load, "", *cost_table(costs, timed), "", f"![Accuracy against time](images/{PICTURE})"]
+        if timed:
+            write_whole(options.docs / "images" / PICTURE, draw_trade(costs, timed, matchers))
+
+
+def write_page(file: Path, made: dict[str, list[str]]) -> None:
+    """Put the sections into the page."""
+    page = file.read_text("utf-8")
+    for name, lines in made.items():
+        page = put_section(page, name, lines)
+    print(f"wrote {write_whole(file, page)}: {', '.join(made)}")
 
 
 if __name__ == "__main__":

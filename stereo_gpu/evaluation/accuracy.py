@@ -12,7 +12,7 @@ from stereo_gpu.board import Board
 from stereo_gpu.calibrate import calibrate
 from stereo_gpu.errors import InputError
 from stereo_gpu.evaluation.board_plane import find_plane, visible
-from stereo_gpu.evaluation.matchers import Found, Matcher, Search, find_ours
+from stereo_gpu.evaluation.matchers import AUTO, PRECISE, Found, Matcher, Search
 from stereo_gpu.evaluation.pairs import TruePair
 from stereo_gpu.evaluation.scores import Scores, score
 from stereo_gpu.images import read_image
@@ -21,9 +21,6 @@ from stereo_gpu.rig import Rig
 from stereo_gpu.types import Floats
 
 BOARD = Board(10, 7, 30.0)
-PRECISE = "`precise`"
-AUTO = "`precise`, range found"
-RANGE_PROFILE = "precise"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,7 +73,7 @@ class FoundRange:
     @property
     def ratio(self) -> float:
         """How many times as long as the true range the found one is."""
-        return self.search[1] / (self.span[1] - self.span[0] + 1)
+        return self.search[1] / (self.span[1] - self.span[0])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,11 +93,10 @@ class BoardResult:
     range: FoundRange
 
 
-def measure_pair(pair: TruePair, matchers: Sequence[Matcher], backend: str | None) -> PairResults:
-    """Run every matcher over the pair's own range, and `precise` over the one that it finds."""
+def measure_pair(pair: TruePair, matchers: Sequence[Matcher]) -> PairResults:
+    """Run every matcher over the pair's own range, but for the one that finds it itself."""
     maps = {name: Found(values=values, search=pair.search) for name, values in pair.published.items()}
     maps |= {matcher.name: matcher.find(pair.left, pair.right, pair.search) for matcher in matchers}
-    maps[AUTO] = find_ours(RANGE_PROFILE, backend, pair.left, pair.right, "auto")
     return PairResults(pair=pair, results={name: _result(pair, found) for name, found in maps.items()})
 
 
@@ -136,24 +132,25 @@ def measure_boards(
 ) -> Iterator[BoardResult]:
     """Hold every matcher against the board's plane, on each pair.
 
-    `precise` finds the range, without being told where the board is; the others search the same one.
+    One of them finds the range, without being told where the board is, and the others search the same one.
     """
+    [finder] = (matcher for matcher in matchers if matcher.name == AUTO)
+    # Over the same range it would only repeat what the finder gives.
+    others = [matcher for matcher in matchers if matcher.name not in (AUTO, PRECISE)]
     for left_file, right_file in files:
         left, right = read_image(left_file), read_image(right_file)
         plane = find_plane(left, right, rig, BOARD)
         pair = rectify(left, right, rig, backend=backend)
         truth = visible(plane, pair.valid_left, pair.valid_right)
         masks = pair.valid_left, pair.valid_right
-        ours = find_ours(RANGE_PROFILE, backend, pair.left, pair.right, "auto", masks)
-        maps = {PRECISE: ours.values}
-        for matcher in matchers:
-            if matcher.name != PRECISE:
-                maps[matcher.name] = matcher.find(pair.left, pair.right, ours.search, masks).values
+        maps = {AUTO: finder.find(pair.left, pair.right, (0, 0), masks)}
+        search = maps[AUTO].search
+        maps |= {matcher.name: matcher.find(pair.left, pair.right, search, masks) for matcher in others}
         yield BoardResult(
             name=left_file.stem,
             flatness_px=float(np.sqrt(np.square(plane.residuals).mean())),
-            scores={name: score(values, truth) for name, values in maps.items()},
-            range=found_range(left_file.stem, truth, ours.search),
+            scores={name: score(found.values, truth) for name, found in maps.items()},
+            range=found_range(left_file.stem, truth, search),
         )
 
 

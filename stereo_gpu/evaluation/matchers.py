@@ -10,7 +10,7 @@ from typing import Protocol
 import cv2
 import numpy as np
 
-from stereo_gpu.config import PROFILES
+from stereo_gpu.config import PROFILES, Profile
 from stereo_gpu.images import grey
 from stereo_gpu.match import match
 from stereo_gpu.match_options import Range
@@ -19,6 +19,8 @@ from stereo_gpu.types import Bytes, Floats, Picture
 Search = tuple[int, int]
 Masks = tuple[Bytes | None, Bytes | None]
 YARDSTICK = "SGBM HH 5x5"  # whose time is 1; the benchmark's SGBM HH
+PRECISE, FAST = "`precise`", "`fast`"
+AUTO = "`precise`, range found"
 STEP = 16  # OpenCV takes a multiple of it as the number of disparities
 
 
@@ -62,8 +64,11 @@ class Matcher:
 
 
 def our_matchers(backend: str | None) -> list[Matcher]:
-    """The profiles, on a device; what is timed is the whole call, arrays of the host in and out."""
-    return [_profile(str(profile), backend) for profile in PROFILES]
+    """The profiles, and `precise` where it has to find the range itself, on a device.
+
+    What is timed is the whole call, arrays of the host in and out.
+    """
+    return [*(_profile(str(profile), backend) for profile in PROFILES), _finder(backend)]
 
 
 def opencv_matchers() -> list[Matcher]:
@@ -83,10 +88,9 @@ def opencv_matchers() -> list[Matcher]:
     ]
 
 
-def find_ours(
+def _ours(
     profile: str, backend: str | None, left: Picture, right: Picture, search: Range, masks: Masks = (None, None)
 ) -> Found:
-    """Match with a profile; the range may be "auto"."""
     found = match(
         left,
         right,
@@ -101,8 +105,17 @@ def find_ours(
 
 
 def _profile(profile: str, backend: str | None) -> Matcher:
-    find = partial(find_ours, profile, backend)
+    find = partial(_ours, profile, backend)
     return Matcher(f"`{profile}`", find, lambda *pair: lambda: find(*pair), ours=True)
+
+
+def _finder(backend: str | None) -> Matcher:
+    find = partial(_ours, Profile.PRECISE, backend)
+
+    def anywhere(left: Picture, right: Picture, search: Search, masks: Masks = (None, None)) -> Found:
+        return find(left, right, "auto", masks)
+
+    return Matcher(AUTO, anywhere, lambda *pair: lambda: anywhere(*pair), ours=True)
 
 
 def _block(smallest: int, count: int, window: int) -> cv2.StereoMatcher:

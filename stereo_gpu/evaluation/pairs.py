@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from stereo_gpu.errors import InputError
+from stereo_gpu.evaluation.masks import read_mask
 from stereo_gpu.evaluation.scores import Mask
 from stereo_gpu.evaluation.truth import read_truth
 from stereo_gpu.images import read_image
@@ -82,7 +83,7 @@ _PLACES = {
     "aloe, other light": _Place("stereo/aloe_light", "left.png", "right_light.png", "groundtruth.png", 256, (0, 80)),
 }
 PAIRS = tuple(_PLACES)
-COUNTED = 255  # a mask's grey level where a pixel counts
+MASKS = ("nonocc", "all", "disc")
 PUBLISHED = "PatchMatch Stereo, published map"
 
 
@@ -104,9 +105,7 @@ def load_pair(data: Path, name: str) -> TruePair:
         raise InputError(f"{folder} is no folder: set STEREO_GPU_DATA to the folder of real pictures")
     left, right = (read_image(folder / file) for file in (place.left, place.right))
     masks: dict[str, Mask] = {"all": np.ones(left.shape[:2], np.bool_)}
-    for file in folder.glob("*.png"):
-        if file.stem in ("nonocc", "all", "disc"):
-            masks[file.stem] = _grey(file) == COUNTED
+    masks |= {name: read_mask(folder / f"{name}.png") for name in MASKS if (folder / f"{name}.png").is_file()}
     camera, map_of_others = folder / "calib.json", folder / "alg117.png"
     return TruePair(
         name=name,
@@ -118,11 +117,6 @@ def load_pair(data: Path, name: str) -> TruePair:
         published={PUBLISHED: read_truth(map_of_others, place.scale)} if map_of_others.is_file() else {},
         depth=_depth(camera) if camera.is_file() else None,
     )
-
-
-def _grey(file: Path) -> Picture:
-    picture = read_image(file)
-    return picture if picture.ndim == 2 else picture[..., 0]
 
 
 def _depth(camera: Path) -> Callable[[Floats], Doubles]:
