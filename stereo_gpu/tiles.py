@@ -30,7 +30,7 @@ MEMORY_SHARE = 0.5  # of what is available; the rest is for other jobs, and for 
 SMALLEST_SIDE = 64  # px kept of a tile; a smaller one is nearly all margin
 KEPT_BYTES = 9  # a pixel of the whole picture, on the host: value, validity and confidence
 # How far a smooth path is felt, px. It has no end; tools/seams measures at which margin maps become the same.
-PATH_REACH = 96
+PATH_REACH = 192
 # As in the kernels: how far a census looks, and how far the slope and the plane of a leaning window do.
 CENSUS_REACH, SLOPE_REACH = 4, 6
 

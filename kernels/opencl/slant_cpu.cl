@@ -160,6 +160,7 @@ INLINE void slant_lanes(
     plane.along_y = given ? plane.along_y : 0.0f;
 
     lanes lane = __builtin_convertvector(lane_numbers(), lanes), columns = lane + (float)x;
+    int_lanes own = lane_numbers() + x;
     lanes count = 0.0f, sum_a = 0.0f, sum_aa = 0.0f;
     Sums low = {0.0f, 0.0f, 0.0f}, middle = low, high = low;
     // The place whose samples lie furthest left, and the one whose lie furthest right.
@@ -191,11 +192,12 @@ INLINE void slant_lanes(
             count += inside ? 1.0f : 0.0f;
             sum_a += a;
             sum_aa += a * a;
-            lanes at = columns + (float)i;
+            // Counted from x, so that a part of a picture rounds as the whole of it.
+            float at = (float)i;
             lanes u_low = at + way * (surface + low_shift), u = at + way * surface;
             lanes u_high = at + way * (surface + high_shift);
             lanes whole = floor_lanes(u_low), next = whole + 1.0f, after = whole + 2.0f;
-            int_lanes index = __builtin_convertvector(whole, int_lanes);
+            int_lanes index = __builtin_convertvector(whole, int_lanes) + own;
             lanes t0, t1, t2, t3;
 #ifdef __AVX512BW__
             if (near_by) {

@@ -85,9 +85,11 @@ inline float leaning_ncc(
             float surface = plane.centre + plane.along_x * (float)i + plane.along_y * (float)j;
             if (!(absolute(disparity[at] - surface) <= SAME_SURFACE)) continue;
             float a = reference[at];
-            float u = (float)(x + i) + direction * (surface + shift);
+            // Counted from x, so that a part of a picture rounds as the whole of it.
+            float u = (float)i + direction * (surface + shift);
             int column = floor_to_int(u);
             float share = u - (float)column;
+            column += x;
             float b = other[row + clamp_index(column, width)] * (1.0f - share);
             b += other[row + clamp_index(column + 1, width)] * share;
             count += 1.0f;

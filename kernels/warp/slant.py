@@ -123,10 +123,11 @@ def leaning_ncc(
             surface = plane[0] + plane[1] * float(i) + plane[2] * float(j)
             if wp.abs(disparity[at] - surface) <= SAME_SURFACE:
                 a = reference[at]
-                u = float(x + i) + direction * (surface + shift)
+                # Counted from x, so that a part of a picture rounds as the whole of it.
+                u = float(i) + direction * (surface + shift)
                 left = wp.floor(u)
                 share = u - left
-                column = int(left)
+                column = x + int(left)
                 b = other[row + wp.clamp(column, 0, width - 1)] * (1.0 - share)
                 b += other[row + wp.clamp(column + 1, 0, width - 1)] * share
                 count += 1.0

@@ -47,10 +47,11 @@ def leaning_nccs(
                 sum_a += a
                 sum_aa += a * a
                 for k in range(3):
-                    u = float(x + i) + direction * (surface + float(k - 1) * step)
+                    # Counted from x, so that a part of a picture rounds as the whole of it.
+                    u = float(i) + direction * (surface + float(k - 1) * step)
                     left = wp.floor(u)
                     share = u - left
-                    column = int(left)
+                    column = x + int(left)
                     # Few windows reach the edge: a test is cheaper than two clamps.
                     beside = row + column
                     next_one = beside + 1
