@@ -59,7 +59,7 @@ def test_nothing_shows_through_a_stretched_surface():
 
 def test_a_plane_hides_nothing():
     rows, columns = np.mgrid[:20, :50]
-    for slope in (-0.7, -0.3, 0.3, 0.7):
+    for slope in (-0.9, -0.3, 0.3, 0.9):
         truth = (8 + slope * (columns - 25) + 0.2 * rows).astype(np.float32)
         lands = columns - truth
         np.testing.assert_array_equal(nonoccluded(truth), (np.rint(lands) >= 0) & (np.rint(lands) < 50))
@@ -98,12 +98,12 @@ def test_near_what_is_occluded_counts_and_what_is_occluded_does_not():
 
 @pytest.mark.parametrize(
     ("pair", "scale", "wrongly_seen", "wrongly_hidden", "disc_too_many", "disc_missing"),
-    [("teddy", 4, 0.004, 0.002, 15, 0.08), ("tsukuba", 16, 0.0001, 0.0002, 11, 0)],
+    [("teddy", 4, 0.006, 0.001, 15, 0.08), ("tsukuba", 16, 0.0001, 0.0002, 11, 0)],
 )
 def test_masks_are_nearly_the_published_ones(
     data, pair, scale, wrongly_seen, wrongly_hidden, disc_too_many, disc_missing
 ):
-    """Middlebury made its masks from both truths of Teddy, and by hand at the borders; so do not expect equality."""
+    """The published masks know more than the left view's truth, so equality is not to be had."""
     folder = data / "stereo" / pair
     truth = read_truth(folder / "groundtruth.png", scale)
     everything, published, disc = (read_mask(folder / f"{name}.png") for name in ("all", "nonocc", "disc"))

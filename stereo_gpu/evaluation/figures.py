@@ -46,7 +46,7 @@ def colour_errors(values: Floats, truth: Floats, counted: Mask | None = None) ->
     known = np.isfinite(truth) if counted is None else np.isfinite(truth) & counted
     given = np.isfinite(values)
     errors = np.abs(np.where(given, values, 0.0) - np.where(known, truth, 0.0))
-    names = [f"up to {THRESHOLDS[0]:g} px", *(f"over {threshold:g}" for threshold in THRESHOLDS)]
+    names = ["up to 0.5 px", "to 1", "to 2", "to 4", "over 4"]
     # The legend shows the last class first.
     named = [("not counted", UNKNOWN), ("no value", NO_VALUE), *zip(names[::-1], ERROR_COLOURS[::-1], strict=True)]
     best = len(named) - 1

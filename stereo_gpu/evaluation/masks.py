@@ -50,16 +50,21 @@ def nonoccluded(truth: Floats, reference: View = View.LEFT) -> Mask:
     if reference is View.RIGHT:
         return nonoccluded(truth[:, ::-1])[:, ::-1]
     rows, columns = _grid(truth)
+    lands = np.where(np.isfinite(truth), columns - truth, np.inf)
     front = np.full(truth.shape, -np.inf, np.float32)  # the nearest that lands on each pixel of the other view
-    _land(front, rows, columns - truth, truth)
+    _land(front, rows, lands, truth)
     # A surface that the other camera sees stretched leaves gaps between its pixels, through which nothing shows.
     joined = np.abs(np.diff(truth, axis=1)) <= SAME
     between = np.where(joined, (truth[:, 1:] + truth[:, :-1]) / 2, np.nan)
     _land(front, rows[:, 1:], columns[:, 1:] - 0.5 - between, between)
-    column = np.rint(columns - truth)
-    inside = np.isfinite(column) & (column >= 0) & (column < truth.shape[1])
-    seen = front[rows, np.where(inside, column, 0).astype(np.int64)]
-    return np.asarray(inside & (truth >= seen - SAME))
+    column = np.rint(lands)
+    inside = (column >= 0) & (column < truth.shape[1])
+    nearest = front[rows, np.where(inside, column, 0).astype(np.int64)]
+    # A steep surface that the other camera sees pressed together has many pixels on one column, in their order: what
+    # hides a pixel stands to its right and lands to its left.
+    crossed = np.full(truth.shape, False)
+    crossed[:, :-1] = np.minimum.accumulate(lands[:, :0:-1], axis=1)[:, ::-1] <= lands[:, :-1]
+    return np.asarray(inside & ~(crossed & (nearest > truth + SAME)))
 
 
 def consistent(truth: Floats, other: Floats, reference: View = View.LEFT) -> Mask:

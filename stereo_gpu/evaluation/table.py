@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from math import isnan
 
 from stereo_gpu.evaluation.scores import QUANTILES, THRESHOLDS, Scores
 from stereo_gpu.evaluation.sparsification import Sparsification
@@ -18,10 +19,10 @@ def score_lines(scores: Mapping[str, Scores]) -> Iterator[str]:
         yield _line(f"bad-{threshold}, no value = bad", [_percent(each.bad[threshold]) for each in every])
     for threshold in THRESHOLDS:
         yield _line(f"bad-{threshold} of the given", [_percent(each.bad_given[threshold]) for each in every])
-    yield _line("mean error, px", [f"{each.mean:.3f}" for each in every])
-    yield _line("RMS error, px", [f"{each.rms:.3f}" for each in every])
+    yield _line("mean error, px", [_px(each.mean) for each in every])
+    yield _line("RMS error, px", [_px(each.rms) for each in every])
     for share in QUANTILES:
-        yield _line(f"A{share}, px", [f"{each.quantiles[share]:.3f}" for each in every])
+        yield _line(f"A{share}, px", [_px(each.quantiles[share]) for each in every])
 
 
 def confidence_lines(found: Sparsification) -> Iterator[str]:
@@ -37,4 +38,8 @@ def _line(label: str, cells: Iterable[str]) -> str:
 
 
 def _percent(share: float) -> str:
-    return f"{100 * share:.2f} %"
+    return "-" if isnan(share) else f"{100 * share:.2f} %"
+
+
+def _px(error: float) -> str:
+    return "-" if isnan(error) else f"{error:.3f}"
