@@ -209,7 +209,12 @@ def _matching(parser: argparse.ArgumentParser, profile: str) -> None:
         metavar="SMALLEST,COUNT",
         help="range to search, px, for example 0,64 or --disparities=-8,64; or auto (%(default)s)",
     )
-    parser.add_argument("--window", type=int, help="side of the window, px, odd, 3 to 31; by default the profile's")
+    parser.add_argument(
+        "--window",
+        type=_window,
+        metavar="PX",
+        help="side of the window, px, odd, 3 to 31, or auto: chosen for each pixel; by default the profile's",
+    )
     parser.add_argument("--reference", default="right", help="view that the result is laid out on (%(default)s)")
     parser.add_argument(
         "--tile", type=int, metavar="PX", help="largest side of the parts to match in; by default what fits the memory"
@@ -231,6 +236,15 @@ def _numbers(kind: type, count: int) -> Callable[[str], tuple[float, ...]]:
 
 def _range(text: str) -> object:
     return "auto" if text == "auto" else _numbers(int, 2)(text)
+
+
+def _window(text: str) -> object:
+    if text == "auto":
+        return text
+    try:
+        return int(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text!r}: give the side of a square in px, or auto") from error
 
 
 def _version() -> str:

@@ -21,6 +21,7 @@ class MatchOptions:
     Args:
         window: side of the square correlation window, px, odd, 3 to 31; with `windows`, the largest of them.
         windows: sides that are tried for each pixel, smallest first; none for `window` alone.
+        windows_share: share of its surroundings that must have the disparity of one of these windows.
         texture_threshold: RMS contrast of a window, in grey levels of 0..255, at or under which it is flat.
         subpixel: whether a parabola refines the winner.
         smooth_sigma: standard deviation of the Gaussian prefilter, px; 0 for none.
@@ -49,6 +50,7 @@ class MatchOptions:
     texture_threshold: float
     subpixel: bool
     windows: tuple[int, ...] = ()
+    windows_share: float = 0.0
     smooth_sigma: float = 0.0
     smooth_paths: bool = False
     small_penalty: float = 0.0
@@ -80,9 +82,8 @@ PROFILES = {
         subpixel=True,
         consistency_px=1.0,
         median=5,
-        support_share=0.15,
-        support_reach=8,
-        support_step=4,
+        support_share=0.2,  # 10 of 49: what fewer share is also found between pictures of mere noise
+        support_reach=9,
         fill_reach=64,
     ),
     Profile.PRECISE: MatchOptions(
@@ -107,6 +108,7 @@ PROFILES = {
 }
 # For window "auto": each has two to three times the pixels of the one before, up to the paper's own.
 AUTO_WINDOWS = (3, 5, 7, 11)
+AUTO_SHARE = 0.16  # 8 of 49, before the share that the whole map must have
 
 
 @dataclass(frozen=True, kw_only=True)

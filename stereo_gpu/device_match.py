@@ -12,6 +12,7 @@ from stereo_gpu.prepare import prepare_view
 from stereo_gpu.refine import better, complete, lean, verify
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.types import Bytes, Disparity, Floats, Validity, View
+from stereo_gpu.windows import match_windows
 from stereo_gpu.winners import Winners, find_winners, make_volumes, scratch_bytes, volume_bytes
 
 # A map is believed if this share of its pixels has an NCC over that.
@@ -85,12 +86,15 @@ def match_part(
     Arguments and errors are those of `match_on`.
     """
     check_match_memory(backend, left.shape[1], left.shape[0], disparities, options)
+    search = {"smallest": smallest, "disparities": disparities, "direction": 1 if reference is View.RIGHT else -1}
+    if options.windows:
+        pictures, factors = ((left, right), scales) if reference is View.LEFT else ((right, left), scales[::-1])
+        return match_windows(backend, pictures, factors, masks, search, options, watch)
     with watch.step("norms"):
         views = [prepare_view(backend, left, scales[0], masks[reference is View.RIGHT], options)]
         views += [prepare_view(backend, right, scales[1], masks[reference is View.LEFT], options)]
         backend.finish()
     ours, theirs = views if reference is View.LEFT else views[::-1]
-    search = {"smallest": smallest, "disparities": disparities, "direction": 1 if reference is View.RIGHT else -1}
     found: Winners | None = None
     # Fresh memory costs as much as several paths, so that the slopes share it.
     volumes = make_volumes(backend, left.shape[1], left.shape[0], disparities) if options.smooth_paths else None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from typing import Literal
 
-from stereo_gpu.config import AUTO_WINDOWS, PROFILES, MatchOptions, Profile
+from stereo_gpu.config import AUTO_SHARE, AUTO_WINDOWS, PROFILES, MatchOptions, Profile
 from stereo_gpu.errors import InputError
 from stereo_gpu.types import View
 
@@ -57,9 +57,11 @@ def choose_options(profile: Profile, window: Window | None = None, tile: int | N
         if profile is Profile.PAPER:
             raise InputError("window = auto: profile paper has one window for all pixels; give its side, or use fast")
         if profile is Profile.FAST:
-            options = dataclasses.replace(options, window=AUTO_WINDOWS[-1], windows=AUTO_WINDOWS)
+            options = dataclasses.replace(
+                options, window=AUTO_WINDOWS[-1], windows=AUTO_WINDOWS, windows_share=AUTO_SHARE
+            )
     elif window is not None:
-        options = dataclasses.replace(options, window=int(window), windows=())
+        options = dataclasses.replace(options, window=int(window))
     check_options(options)
     return options
 

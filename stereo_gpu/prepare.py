@@ -26,20 +26,29 @@ def prepare_view(
     backend: Backend, picture: DeviceArray, scale: float, mask: DeviceArray, options: MatchOptions
 ) -> DeviceView:
     """Make a picture grey, smooth it if asked, and sum up each of its windows."""
+    return sum_windows(backend, make_grey(backend, picture, scale, options), mask, options)
+
+
+def make_grey(backend: Backend, picture: DeviceArray, scale: float, options: MatchOptions) -> DeviceArray:
+    """Centred grey levels of a picture, (H, W) float32, smoothed if asked."""
     height, width = picture.shape[:2]
-    size = {"width": width, "height": height}
     grey = backend.empty((height, width), np.float32)
     channels = 1 if len(picture.shape) == 2 else 3
-    backend.launch("grey", picture=picture, **size, channels=channels, scale=scale, grey_out=grey)
-    if options.smooth_sigma > 0:
-        grey = _smooth(backend, grey, options.smooth_sigma)
+    backend.launch("grey", picture=picture, width=width, height=height, channels=channels, scale=scale, grey_out=grey)
+    return _smooth(backend, grey, options.smooth_sigma) if options.smooth_sigma > 0 else grey
+
+
+def sum_windows(backend: Backend, grey: DeviceArray, mask: DeviceArray, options: MatchOptions) -> DeviceView:
+    """Sum up each window of grey levels, and tell the flat ones."""
+    height, width = grey.shape
     window_sum, inverse = (backend.empty((height, width), np.float32) for _ in range(2))
     validity = backend.empty((height, width), np.uint8)
     backend.launch(
         "window_norms",
         picture=grey,
         mask=mask,
-        **size,
+        width=width,
+        height=height,
         radius=options.window // 2,
         # The norm of a window is its RMS contrast times the square root of its number of pixels.
         threshold=options.texture_threshold * options.window,

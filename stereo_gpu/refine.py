@@ -39,25 +39,43 @@ def verify(
             direction=direction,
             tolerance=options.consistency_px,
         )
-    return _median(backend, found, options)
+    return filter_median(backend, found, options)
+
+
+def drop_lonely(backend: Backend, found: Winners, options: MatchOptions) -> Winners:
+    """Take values away that their surroundings do not share, if the options ask for it."""
+    if options.support_share <= 0:
+        return found
+    return _run(
+        backend,
+        "support",
+        found,
+        reach=options.support_reach,
+        step=options.support_step,
+        tolerance=options.same_surface_px,
+        slope=options.support_slope,
+        share=options.support_share,
+    )
+
+
+def filter_median(backend: Backend, found: Winners, options: MatchOptions) -> Winners:
+    """Median of each pixel's neighbours that have a value, if the options ask for it."""
+    if not options.median:
+        return found
+    height, width = found.values.shape
+    values = backend.empty((height, width), np.float32)
+    backend.launch(
+        "median", disparity=found.values, width=width, height=height, size=options.median, disparity_out=values
+    )
+    return dataclasses.replace(found, values=values)
 
 
 def complete(backend: Backend, found: Winners, options: MatchOptions) -> Winners:
     """Drop what its surroundings do not share, fill small holes, and filter again, as the options ask for."""
-    if options.support_share > 0:
-        found = _run(
-            backend,
-            "support",
-            found,
-            reach=options.support_reach,
-            step=options.support_step,
-            tolerance=options.same_surface_px,
-            slope=options.support_slope,
-            share=options.support_share,
-        )
+    found = drop_lonely(backend, found, options)
     if options.fill_reach:
         found = _run(backend, "fill", found, reach=options.fill_reach, tolerance=options.same_surface_px)
-        found = _median(backend, found, options)
+        found = filter_median(backend, found, options)
     return found
 
 
@@ -146,14 +164,3 @@ def _run(backend: Backend, kernel: str, found: Winners, **arguments: Any) -> Win
         validity_out=validity,
     )
     return dataclasses.replace(found, values=values, validity=validity)
-
-
-def _median(backend: Backend, found: Winners, options: MatchOptions) -> Winners:
-    if not options.median:
-        return found
-    height, width = found.values.shape
-    values = backend.empty((height, width), np.float32)
-    backend.launch(
-        "median", disparity=found.values, width=width, height=height, size=options.median, disparity_out=values
-    )
-    return dataclasses.replace(found, values=values)

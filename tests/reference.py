@@ -338,6 +338,16 @@ def merge(disparity, score, validity, rival_disparity, rival_score, rival_validi
     return maps
 
 
+def choose(narrow, wide):
+    """Of two maps, each with its score, ratio and reason, the first one wherever it has a value."""
+    chosen = [array.copy() for array in narrow]
+    for y, x in np.ndindex(narrow[0].shape):
+        if math.isnan(narrow[0][y, x]):
+            for mine, theirs in zip(chosen, wide, strict=True):
+                mine[y, x] = theirs[y, x]
+    return chosen
+
+
 def fill(disparity, validity, reach, tolerance):
     """Join the ends of short holes along each row; background where the ends differ; nothing at an edge."""
     height, width = disparity.shape

@@ -272,6 +272,29 @@ def test_support(backend, shape, reach, step, slope):
 
 
 @pytest.mark.parametrize("shape", SHAPES)
+def test_choose(backend, shape):
+    rng = np.random.default_rng(9)
+
+    def window_map(missing):
+        values, validity = maps(shape, missing)
+        return [values, *(rng.uniform(0, 1, shape).astype(np.float32) for _ in range(2)), validity]
+
+    narrow, wide = window_map(0.5), window_map(0.2)
+    names = ("disparity", "score", "ratio", "validity")
+    out = {f"{name}_out": junk(backend, shape, array.dtype) for name, array in zip(names, narrow, strict=True)}
+    backend.launch(
+        "choose",
+        **{name: backend.upload(array) for name, array in zip(names, narrow, strict=True)},
+        **{f"wider_{name}": backend.upload(array) for name, array in zip(names, wide, strict=True)},
+        width=shape[1],
+        height=shape[0],
+        **out,
+    )
+    for got, want in zip(out.values(), reference.choose(narrow, wide), strict=True):
+        np.testing.assert_array_equal(backend.download(got), want)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("missing", [0.05, 0.3, 0.9])
 @pytest.mark.parametrize("reach", [1, 4, 100])
 def test_fill(backend, shape, missing, reach):

@@ -15,6 +15,7 @@ from stereo_gpu.bench.peers import Peer
 from stereo_gpu.bench.scene import BenchScene, mesh_of
 from stereo_gpu.config import PROFILES, MatchOptions, Profile
 from stereo_gpu.device_match import download_disparity, match_on
+from stereo_gpu.match_options import choose_options
 from stereo_gpu.prepare import DeviceView, prepare_view
 from stereo_gpu.rectify import plan_rectification, rectify_on
 from stereo_gpu.refine import better, lean
@@ -22,6 +23,7 @@ from stereo_gpu.texture import bake_texture
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.triangulate import triangulate_on
 from stereo_gpu.types import View
+from stereo_gpu.windows import match_windows
 from stereo_gpu.winners import Winners, find_winners
 
 Stage = Callable[[Backend, BenchScene], object]
@@ -131,6 +133,14 @@ def _leaning(device: Backend, scene: BenchScene) -> object:
     return lean(device, found, ours, theirs, 1, rounds=1, step_px=options.slant_step_px, options=options)
 
 
+def _choosing(device: Backend, scene: BenchScene) -> object:
+    options = choose_options(Profile.FAST, "auto")
+    everywhere = device.upload(np.ones((scene.height, scene.width), np.uint8))
+    pictures = device.upload(scene.right), device.upload(scene.left)
+    search = {"smallest": 0, "disparities": scene.disparities, "direction": 1}
+    return match_windows(device, pictures, (1.0, 1.0), (everywhere, everywhere), search, options, Stopwatch())
+
+
 def _merging(device: Backend, scene: BenchScene) -> object:
     found = _matching(Profile.FAST)(device, scene)
     assert isinstance(found, Winners)
@@ -216,6 +226,7 @@ KERNELS = (
     KernelCase(name="consistency", kernel="consistency", stage=_FAST, peer=peers.VALIDATE),
     KernelCase(name="median", kernel="median", stage=_FAST, peer=peers.MEDIAN_BLUR),
     KernelCase(name="support", kernel="support", stage=_FAST),
+    KernelCase(name="choose", kernel="choose", stage=_choosing),
     KernelCase(name="fill", kernel="fill", stage=_FAST),
     KernelCase(name="confidence", kernel="confidence", stage=_downloading, operations=_constant(6)),
     KernelCase(
