@@ -103,7 +103,8 @@ def confidence_table(measured: Sequence[PairResults]) -> list[str]:
             pair = each.pair
             curve = sparsify(result.found.values, pair.truth, result.found.confidence, pair.masks[pair.mask]).bad
             areas = [percent(area) for area in (curve.area, curve.oracle_area, curve.random_area)]
-            rows.append([pair.name, name, *areas, f"{curve.share_of_random:.2f}"])
+            share = curve.share_of_random
+            rows.append([pair.name, name, *areas, "-" if np.isnan(share) else f"{share:.2f}"])
     return table(head, rows)
 
 
