@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import logging
+
 import numpy as np
 
+from stereo_gpu.advice import range_warnings
 from stereo_gpu.backends import open_backend
 from stereo_gpu.disparity_range import find_range
 from stereo_gpu.errors import InputError
@@ -14,12 +17,14 @@ from stereo_gpu.tiles import match_in_tiles
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.types import Bytes, Disparity, Picture, View
 
+_log = logging.getLogger(__name__)
+
 
 def match(
     left: Picture,
     right: Picture,
     *,
-    disparities: Range = (0, 64),
+    disparities: Range = "auto",
     window: Window | None = None,
     reference: str = "right",
     profile: str = "fast",
@@ -32,7 +37,7 @@ def match(
 
     Args:
         left, right: rectified pictures of one size, (H, W) or (H, W, 3), uint8 or uint16.
-        disparities: smallest disparity and how many to search, px, or "auto" to find the range first.
+        disparities: smallest disparity and how many to search, px; "auto" finds them first.
         window: side of the correlation window, px, odd, 3 to 31; None takes the profile's; "auto" in profile "fast"
             takes at each pixel the smallest of several that the other view and the surroundings confirm.
         reference: the view that the map is laid out on, "right" as in the paper, or "left".
@@ -43,7 +48,8 @@ def match(
         backend: where to compute; None takes STEREO_GPU_BACKEND, else the best device.
 
     Returns:
-        The map; in profile "paper" `numpy.nan_to_num(values)` is the paper's own map, 0 where nothing correlates.
+        The map, with the range that was searched. A range that cuts the scene off is told in the log.
+        In profile "paper" `numpy.nan_to_num(values)` is the paper's own map, 0 where nothing correlates.
 
     Raises:
         InputError: a picture, mask or option is wrong.
@@ -60,7 +66,7 @@ def match(
         valid_left, valid_right = masks if view is View.LEFT else masks[::-1]
         disparities = find_range(device, left, right, valid_left, valid_right)
     smallest, count = check_range(disparities, left.shape[1])
-    return match_in_tiles(
+    found = match_in_tiles(
         device,
         left,
         right,
@@ -73,6 +79,9 @@ def match(
         options=options,
         watch=Stopwatch(),
     )
+    for told in range_warnings(found):
+        _log.warning(told)
+    return found
 
 
 def _mask(mask: Bytes | None, shape: tuple[int, ...], name: str) -> Bytes:

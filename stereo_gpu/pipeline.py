@@ -231,7 +231,7 @@ def _from_rectified(
         },
         checked=checked,
         seconds=dict(watch.seconds),
-        warnings=find_warnings(checked, disparity, unwrapped),
+        warnings=find_warnings(checked, disparity, unwrapped, pair.cx_left - pair.cx_right),
     )
 
 
