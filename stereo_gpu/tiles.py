@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import logging
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -24,13 +25,16 @@ from stereo_gpu.device_match import (
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.types import Bytes, Disparity, Picture, Validity, View
 from stereo_gpu.windows import surroundings
+from stereo_gpu.windows import surroundings
 
 _log = logging.getLogger(__name__)
 
 MEMORY_SHARE = 0.5  # of what is available; the rest is for other jobs, and for what the estimate does not see
 SMALLEST_SIDE = 64  # px kept of a tile; a smaller one is nearly all margin
 KEPT_BYTES = 9  # a pixel of the whole picture, on the host: value, validity and confidence
-# How far a smooth path is felt, px. It has no end; tools/seams measures at which margin maps become the same.
+# How far a smooth path is felt, px. It has no end: tools/seams measures where it no longer changes a map. Where both
+# cameras see a surface that is less than 100 px; next to nothing is felt further than this but in the columns that
+# only one of them sees, where nothing but paths tells a disparity.
 PATH_REACH = 192
 # As in the kernels: how far a census looks, and how far the slope and the plane of a leaning window do.
 CENSUS_REACH, SLOPE_REACH = 4, 6
@@ -235,13 +239,17 @@ def find_margin(options: MatchOptions, smallest: int, disparities: int, referenc
 
     Every step looks at the result of the step before it, so that their reaches add up:
 
-    - The pixel's own window, or the census and the smooth paths. Paths have no end, but fade: see PATH_REACH.
+    - The prefilter and the pixel's own window, or the census and the smooth paths, which fade: see PATH_REACH.
     - Along the row, its partners in the other view, smallest to smallest + disparities - 1 px away; and, for the
       left-right check, all that compete for these partners, up to disparities - 1 px to either side.
-    - Median, leaning windows (each round sees the map of the last one), support, filling (along the row), and median
-      and leaning windows once more.
+    - Median; where several windows are tried, the support of each and the median of what is chosen; leaning windows
+      (each round sees the map of the last one), support, filling (along the row), and once more median and leaning
+      windows.
     """
-    window, median = options.window // 2, options.median // 2
+    median = options.median // 2
+    window = max((options.window, *options.windows)) // 2
+    prefilter = math.ceil(3 * options.smooth_sigma)
+    choice = max((surroundings(side)[0] for side in options.windows), default=0) + (median if options.windows else 0)
     paths = CENSUS_REACH + PATH_REACH if options.smooth_paths else 0
     rounds = SLOPE_REACH * (options.slant_rounds + options.slant_last_rounds)
     support = options.support_reach if options.support_share > 0 else 0
