@@ -25,7 +25,6 @@ from stereo_gpu.device_match import (
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.types import Bytes, Disparity, Picture, Validity, View
 from stereo_gpu.windows import surroundings
-from stereo_gpu.windows import surroundings
 
 _log = logging.getLogger(__name__)
 
@@ -254,9 +253,7 @@ def find_margin(options: MatchOptions, smallest: int, disparities: int, referenc
     rounds = SLOPE_REACH * (options.slant_rounds + options.slant_last_rounds)
     support = options.support_reach if options.support_share > 0 else 0
     fill = options.fill_reach + 1 if options.fill_reach else 0
-    # Each of several windows is filtered and held against its surroundings before one of them is chosen.
-    several = max((surroundings(side)[0] for side in options.windows), default=-median) + median
-    rows = window + paths + rounds + several + median + support + (median if fill else 0)
+    rows = prefilter + window + paths + median + choice + rounds + support + (median if fill else 0)
     columns = rows + fill + 1  # a partner at a fraction of a pixel may round to one more
     ends = (smallest, smallest + disparities - 1)
     low, high = ends if reference is View.RIGHT else (-ends[1], -ends[0])
