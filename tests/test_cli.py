@@ -129,7 +129,7 @@ MATCHING_FAULTS = [
     (("--disparities", "-8,64"), "equals sign"),
     (("--window", "4"), "must be odd"),
     (("--window", "33"), "from 3 to 31"),
-    (("--window", "nan"), "invalid int"),
+    (("--window", "nan"), "or auto"),
     (("--tile", "4"), "tile = 4"),
     (("--reference", "up"), "left or right"),
     (("--profile", "best"), "paper, fast, precise"),

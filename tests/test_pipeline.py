@@ -229,7 +229,7 @@ def test_precise_is_nearer_to_the_truth_than_fast(small_scene, pictures):
     for profile in ("fast", "precise"):
         result = sg.reconstruct(*pictures, small_scene.rig, **{**QUICK, "profile": profile})
         errors[profile] = measure_surface(small_scene, result.pair, result.points)
-    assert errors["precise"]["depth_median_percent"] < errors["fast"]["depth_median_percent"]
+    assert errors["precise"]["surface_median_mm"] < errors["fast"]["surface_median_mm"]
     assert errors["precise"]["coverage"] > COVERAGE
 
 
