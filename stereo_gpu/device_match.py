@@ -8,7 +8,7 @@ import numpy as np
 
 from stereo_gpu.backends import Backend, DeviceArray
 from stereo_gpu.config import MatchOptions, Profile
-from stereo_gpu.prepare import prepare_view
+from stereo_gpu.prepare import GreyLevels, prepare_view
 from stereo_gpu.refine import better, complete, lean, verify
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.types import Bytes, Disparity, Floats, Validity, View
@@ -24,7 +24,7 @@ def match_on(
     left: DeviceArray,
     right: DeviceArray,
     *,
-    scales: tuple[float, float],
+    levels: tuple[GreyLevels, GreyLevels],
     masks: tuple[DeviceArray, DeviceArray],
     smallest: int,
     disparities: int,
@@ -37,7 +37,7 @@ def match_on(
     Args:
         backend: the device.
         left, right: pictures on it.
-        scales: factors that take the left and right picture's values to 0..255.
+        levels: which values of the left and right picture are black and white.
         masks: of the reference view and of the other one, on the device.
         smallest, disparities: the range to search.
         reference: the view that the map is laid out on.
@@ -51,7 +51,7 @@ def match_on(
         backend,
         left,
         right,
-        scales=scales,
+        levels=levels,
         masks=masks,
         smallest=smallest,
         disparities=disparities,
@@ -73,7 +73,7 @@ def match_part(
     left: DeviceArray,
     right: DeviceArray,
     *,
-    scales: tuple[float, float],
+    levels: tuple[GreyLevels, GreyLevels],
     masks: tuple[DeviceArray, DeviceArray],
     smallest: int,
     disparities: int,
@@ -88,11 +88,11 @@ def match_part(
     check_match_memory(backend, left.shape[1], left.shape[0], disparities, options)
     search = {"smallest": smallest, "disparities": disparities, "direction": 1 if reference is View.RIGHT else -1}
     if options.windows:
-        pictures, factors = ((left, right), scales) if reference is View.LEFT else ((right, left), scales[::-1])
-        return match_windows(backend, pictures, factors, masks, search, options, watch)
+        pictures, ends = ((left, right), levels) if reference is View.LEFT else ((right, left), levels[::-1])
+        return match_windows(backend, pictures, ends, masks, search, options, watch)
     with watch.step("norms"):
-        views = [prepare_view(backend, left, scales[0], masks[reference is View.RIGHT], options)]
-        views += [prepare_view(backend, right, scales[1], masks[reference is View.LEFT], options)]
+        views = [prepare_view(backend, left, levels[0], masks[reference is View.RIGHT], options)]
+        views += [prepare_view(backend, right, levels[1], masks[reference is View.LEFT], options)]
         backend.finish()
     ours, theirs = views if reference is View.LEFT else views[::-1]
     found: Winners | None = None

@@ -24,7 +24,7 @@ from stereo_gpu.job import Job, Rectangle, check_against, plan_job
 from stereo_gpu.mask import mask_from_depth, mask_from_rectangle
 from stereo_gpu.match_options import Range, Window
 from stereo_gpu.mesh import build_mesh
-from stereo_gpu.prepare import grey_scale
+from stereo_gpu.prepare import grey_levels, grey_scale
 from stereo_gpu.rectify import DevicePair, check_rig, download_pair, plan_rectification, rectify_on
 from stereo_gpu.result import Reconstruction
 from stereo_gpu.rig import Rig
@@ -158,7 +158,8 @@ def _from_rectified(
     inputs: dict[str, dict[str, str]],
 ) -> Reconstruction:
     """All stages from the rectified pair on; `held` is the same pair on the device."""
-    scales = grey_scale(raw_left), grey_scale(raw_right)
+    # Of the raw pictures, since rectified ones have black corners.
+    levels = grey_levels(raw_left), grey_levels(raw_right)
     centre = (pair.baseline if job.view is View.RIGHT else 0.0, 0.0, 0.0)
     with watch.step("check"):
         checked = check_rectified(pair.left, pair.right, offset_px=pair.cx_left - pair.cx_right)
@@ -181,7 +182,7 @@ def _from_rectified(
             device,
             pair.left,
             pair.right,
-            scales=scales,
+            levels=levels,
             masks=(wanted, other_valid),
             smallest=smallest,
             disparities=count,
@@ -204,8 +205,8 @@ def _from_rectified(
         seen = project(smoothed.vertices, pair, job.view)[:, :2]
         unwrapped = unwrap(smoothed, seen, method=job.mesh.unwrap, time_limit_s=job.mesh.unwrap_seconds)
     with watch.step("texture"):
-        on_device, scale = (held.left, scales[0]) if job.view is View.LEFT else (held.right, scales[1])
-        texture = bake_texture(device, on_device, scale, unwrapped, pair, job.view)
+        on_device, raw = (held.left, raw_left) if job.view is View.LEFT else (held.right, raw_right)
+        texture = bake_texture(device, on_device, grey_scale(raw), unwrapped, pair, job.view)
     return Reconstruction(
         raw_left=raw_left,
         raw_right=raw_right,

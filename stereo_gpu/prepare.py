@@ -4,12 +4,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from stereo_gpu.backends import Backend, DeviceArray
 from stereo_gpu.config import MatchOptions
 from stereo_gpu.types import Picture
+
+# Of a picture's bright end: less is flat, and is not stretched until its noise looks like texture.
+LEAST_CONTRAST = 1 / 16
+
+
+class GreyLevels(NamedTuple):
+    """Which of a picture's values become grey levels 0..255: the value of 0, and levels a value."""
+
+    black: float = 0.0
+    scale: float = 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,18 +34,27 @@ class DeviceView:
 
 
 def prepare_view(
-    backend: Backend, picture: DeviceArray, scale: float, mask: DeviceArray, options: MatchOptions
+    backend: Backend, picture: DeviceArray, levels: GreyLevels, mask: DeviceArray, options: MatchOptions
 ) -> DeviceView:
     """Make a picture grey, smooth it if asked, and sum up each of its windows."""
-    return sum_windows(backend, make_grey(backend, picture, scale, options), mask, options)
+    return sum_windows(backend, make_grey(backend, picture, levels, options), mask, options)
 
 
-def make_grey(backend: Backend, picture: DeviceArray, scale: float, options: MatchOptions) -> DeviceArray:
+def make_grey(backend: Backend, picture: DeviceArray, levels: GreyLevels, options: MatchOptions) -> DeviceArray:
     """Centred grey levels of a picture, (H, W) float32, smoothed if asked."""
     height, width = picture.shape[:2]
     grey = backend.empty((height, width), np.float32)
     channels = 1 if len(picture.shape) == 2 else 3
-    backend.launch("grey", picture=picture, width=width, height=height, channels=channels, scale=scale, grey_out=grey)
+    backend.launch(
+        "grey",
+        picture=picture,
+        width=width,
+        height=height,
+        channels=channels,
+        black=levels.black,
+        scale=levels.scale,
+        grey_out=grey,
+    )
     return _smooth(backend, grey, options.smooth_sigma) if options.smooth_sigma > 0 else grey
 
 
@@ -57,6 +77,20 @@ def sum_windows(backend: Backend, grey: DeviceArray, mask: DeviceArray, options:
         validity_out=validity,
     )
     return DeviceView(grey=grey, window_sum=window_sum, inverse_norm=inverse, validity=validity)
+
+
+def grey_levels(picture: Picture) -> GreyLevels:
+    """Values of a picture that are matched as black and white; of uint8 0 and 255.
+
+    A uint16 picture's dark and bright end, so that neither its exposure nor its black level changes what is matched.
+    """
+    if picture.dtype == np.uint8:
+        return GreyLevels()
+    # Few cameras fill 16 bits; a handful of hot pixels must not darken the rest. Whole rows, so that a mirrored
+    # picture gives the same.
+    dark, bright = (float(value) for value in np.percentile(picture[::4], (0.1, 99.9)))
+    span = max(1.0, bright - dark, bright * LEAST_CONTRAST)
+    return GreyLevels(dark, 255.0 / span)
 
 
 def grey_scale(picture: Picture) -> float:

@@ -22,6 +22,7 @@ from stereo_gpu.device_match import (
     match_bytes,
     match_part,
 )
+from stereo_gpu.prepare import GreyLevels
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.types import Bytes, Disparity, Picture, Validity, View
 from stereo_gpu.windows import surroundings
@@ -67,7 +68,7 @@ def match_in_tiles(
     left: Picture,
     right: Picture,
     *,
-    scales: tuple[float, float],
+    levels: tuple[GreyLevels, GreyLevels],
     masks: tuple[Bytes, Bytes],
     smallest: int,
     disparities: int,
@@ -84,7 +85,7 @@ def match_in_tiles(
     Args:
         backend: where to compute.
         left, right: rectified pictures of one size, on the host.
-        scales: factors that take the left and right picture's values to 0..255; of the whole pictures.
+        levels: which values of the left and right picture are black and white; of the whole pictures.
         masks: of the reference view and of the other one, on the host.
         smallest, disparities: the range to search.
         reference: the view that the map is laid out on.
@@ -114,7 +115,7 @@ def match_in_tiles(
             backend,
             cut_left,
             cut_right,
-            scales=scales,
+            levels=levels,
             masks=(ours, theirs),
             smallest=smallest,
             disparities=disparities,

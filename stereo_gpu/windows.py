@@ -9,7 +9,7 @@ import numpy as np
 
 from stereo_gpu.backends import Backend, DeviceArray
 from stereo_gpu.config import MatchOptions
-from stereo_gpu.prepare import make_grey, sum_windows
+from stereo_gpu.prepare import GreyLevels, make_grey, sum_windows
 from stereo_gpu.refine import complete, drop_lonely, filter_median, verify
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.winners import Winners, find_winners
@@ -18,7 +18,7 @@ from stereo_gpu.winners import Winners, find_winners
 def match_windows(
     backend: Backend,
     pictures: tuple[DeviceArray, DeviceArray],
-    scales: tuple[float, float],
+    levels: tuple[GreyLevels, GreyLevels],
     masks: tuple[DeviceArray, DeviceArray],
     search: dict[str, Any],
     options: MatchOptions,
@@ -33,14 +33,14 @@ def match_windows(
     Args:
         backend: the device.
         pictures: the reference view and the other one.
-        scales: factors that take their values to 0..255.
+        levels: which of their values are black and white.
         masks: of the two.
         search: smallest, disparities and direction, as `find_winners` takes them.
         options: of the matching, with `windows`.
         watch: collects seconds a step.
     """
     with watch.step("norms"):
-        greys = [make_grey(backend, *view, options) for view in zip(pictures, scales, strict=True)]
+        greys = [make_grey(backend, *view, options) for view in zip(pictures, levels, strict=True)]
     found: Winners | None = None
     for window in options.windows:
         reach, step = surroundings(window)

@@ -11,15 +11,15 @@ def clamp(index, size):
     return min(max(index, 0), size - 1)
 
 
-def grey(picture, scale):
-    """Rec. 601 luma, rounded to whole grey levels, minus 128."""
+def grey(picture, black, scale):
+    """Rec. 601 luma above black times scale, rounded to whole grey levels, minus 128."""
     height, width = picture.shape[:2]
     out = np.empty((height, width))
     for y in range(height):
         for x in range(width):
             pixel = picture[y, x]
             luma = float(pixel) if picture.ndim == 2 else 0.299 * pixel[0] + 0.587 * pixel[1] + 0.114 * pixel[2]
-            out[y, x] = math.floor(min(luma * scale, 255.0) + 0.5) - 128
+            out[y, x] = math.floor(min(max((luma - black) * scale, 0.0), 255.0) + 0.5) - 128
     return out
 
 

@@ -76,10 +76,15 @@ def key_index(key, bits=7):
 
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize(
-    ("dtype", "brightest", "channels", "scale"),
-    [(np.uint8, 255, 3, 1.0), (np.uint8, 255, 1, 1.0), (np.uint16, 4095, 3, 255 / 4000), (np.uint16, 4095, 1, 0.07)],
+    ("dtype", "brightest", "channels", "black", "scale"),
+    [
+        (np.uint8, 255, 3, 0.0, 1.0),
+        (np.uint8, 255, 1, 0.0, 1.0),
+        (np.uint16, 4095, 3, 300.0, 255 / 3700),
+        (np.uint16, 4095, 1, 40.0, 0.07),
+    ],
 )
-def test_grey(backend, shape, dtype, brightest, channels, scale):
+def test_grey(backend, shape, dtype, brightest, channels, black, scale):
     whole = shape if channels == 1 else (*shape, channels)
     picture = np.random.default_rng(1).integers(0, brightest, whole, dtype, endpoint=True)
     out = junk(backend, shape, np.float32)
@@ -89,10 +94,11 @@ def test_grey(backend, shape, dtype, brightest, channels, scale):
         width=shape[1],
         height=shape[0],
         channels=channels,
+        black=black,
         scale=scale,
         grey_out=out,
     )
-    difference = np.abs(backend.download(out) - reference.grey(picture, scale))
+    difference = np.abs(backend.download(out) - reference.grey(picture, black, scale))
     # Single and double precision may round a luma of exactly one half apart.
     assert (difference > 0).mean() < 0.002
     assert difference.max() <= 1

@@ -25,13 +25,14 @@ inline wide channel(__global const PIXEL *picture, long i, int channels, int whi
     return __builtin_convertvector(mixed, wide);
 }
 
-// Rec. 601 luma times scale, rounded to whole grey levels 0..255, minus 128.
+// Rec. 601 luma above black, times scale, rounded to whole grey levels 0..255, minus 128.
 __kernel void grey(
     // In:
     __global const PIXEL *picture,
     int width,
     int height,
     int channels,
+    float black,
     float scale,
     // Out:
     __global float *grey_out)
@@ -54,7 +55,8 @@ __kernel void grey(
             }
         }
         // Whole numbers keep every sum of products of the correlation exact in float32.
-        wide scaled = luma * scale;
+        wide scaled = (luma - black) * scale;
+        scaled = scaled > 0.0f ? scaled : 0.0f;
         scaled = (scaled < 255.0f ? scaled : 255.0f) + 0.5f;
         wide whole = __builtin_convertvector(__builtin_convertvector(scaled, int_wide), wide);
         whole = (scaled < whole ? whole - 1.0f : whole) - 128.0f;

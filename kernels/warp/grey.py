@@ -14,11 +14,12 @@ def grey(
     width: int,
     height: int,
     channels: int,
+    black: float,
     scale: float,
     # Out:
     grey_out: wp.array(dtype=float),
 ):
-    """Rec. 601 luma times scale, rounded to whole grey levels 0..255, minus 128."""
+    """Rec. 601 luma above black, times scale, rounded to whole grey levels 0..255, minus 128."""
     y, x = wp.tid()
     pixel = y * width + x
     luma = float(0.0)
@@ -30,4 +31,4 @@ def grey(
         blue = float(picture[pixel * channels + 2])
         luma = 0.299 * red + 0.587 * green + 0.114 * blue
     # Whole numbers keep every sum of products of the correlation exact in float32.
-    grey_out[pixel] = wp.floor(wp.min(luma * scale, 255.0) + 0.5) - 128.0
+    grey_out[pixel] = wp.floor(wp.clamp((luma - black) * scale, 0.0, 255.0) + 0.5) - 128.0

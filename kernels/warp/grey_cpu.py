@@ -19,11 +19,12 @@ def grey(
     width: int,
     height: int,
     channels: int,
+    black: float,
     scale: float,
     # Out:
     grey_out: wp.array(dtype=float),
 ):
-    """Rec. 601 luma times scale, rounded to whole grey levels 0..255, minus 128."""
+    """Rec. 601 luma above black, times scale, rounded to whole grey levels 0..255, minus 128."""
     y = wp.tid()
     memory = wp.zeros(shape=(MEMORY,), dtype=float)
     red = aligned(memory.ptr)
@@ -52,6 +53,7 @@ def grey(
                 put(red, i, 0.299 * floats(red, i) + 0.587 * floats(green, i) + 0.114 * floats(blue, i))
         for i in range(0, columns, LANES):
             # Whole numbers keep every sum of products of the correlation exact in float32. None is below 0.
-            level = wp.min(floats(red, i) * scale, Floats(255.0)) + Floats(0.5)
+            level = wp.max((floats(red, i) - Floats(black)) * scale, Floats(0.0))
+            level = wp.min(level, Floats(255.0)) + Floats(0.5)
             put(red, i, Floats(Ints(level)) - Floats(128.0))
             put_some(grey_out, first + i, first + columns, place(red, i))

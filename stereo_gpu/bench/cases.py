@@ -16,7 +16,7 @@ from stereo_gpu.bench.scene import BenchScene, mesh_of
 from stereo_gpu.config import PROFILES, MatchOptions, Profile
 from stereo_gpu.device_match import download_disparity, match_on
 from stereo_gpu.match_options import choose_options
-from stereo_gpu.prepare import DeviceView, prepare_view
+from stereo_gpu.prepare import DeviceView, GreyLevels, prepare_view
 from stereo_gpu.rectify import plan_rectification, rectify_on
 from stereo_gpu.refine import better, lean
 from stereo_gpu.texture import bake_texture
@@ -80,7 +80,7 @@ def _matching(profile: Profile) -> Stage:
             device,
             device.upload(scene.left),
             device.upload(scene.right),
-            scales=(1.0, 1.0),
+            levels=(GreyLevels(), GreyLevels()),
             masks=(everywhere, everywhere),
             smallest=0,
             disparities=scene.disparities,
@@ -99,7 +99,7 @@ def _preparing(colour: bool, smooth: bool) -> Stage:
             options = dataclasses.replace(options, smooth_sigma=peers.SMOOTH_SIGMA)
         everywhere = device.upload(np.ones((scene.height, scene.width), np.uint8))
         picture = device.upload(scene.colour[1] if colour else scene.right)
-        return prepare_view(device, picture, 1.0, everywhere, options)
+        return prepare_view(device, picture, GreyLevels(), everywhere, options)
 
     return stage
 
@@ -114,8 +114,8 @@ def _rectifying(colour: bool) -> Stage:
 
 def _views(device: Backend, scene: BenchScene, options: MatchOptions) -> tuple[DeviceView, DeviceView]:
     everywhere = device.upload(np.ones((scene.height, scene.width), np.uint8))
-    ours = prepare_view(device, device.upload(scene.right), 1.0, everywhere, options)
-    return ours, prepare_view(device, device.upload(scene.left), 1.0, everywhere, options)
+    ours = prepare_view(device, device.upload(scene.right), GreyLevels(), everywhere, options)
+    return ours, prepare_view(device, device.upload(scene.left), GreyLevels(), everywhere, options)
 
 
 def _census(device: Backend, scene: BenchScene) -> object:
@@ -135,10 +135,11 @@ def _leaning(device: Backend, scene: BenchScene) -> object:
 
 def _choosing(device: Backend, scene: BenchScene) -> object:
     options = choose_options(Profile.FAST, "auto")
-    everywhere = device.upload(np.ones((scene.height, scene.width), np.uint8))
+    mask = device.upload(np.ones((scene.height, scene.width), np.uint8))
     pictures = device.upload(scene.right), device.upload(scene.left)
+    levels = GreyLevels(), GreyLevels()
     search = {"smallest": 0, "disparities": scene.disparities, "direction": 1}
-    return match_windows(device, pictures, (1.0, 1.0), (everywhere, everywhere), search, options, Stopwatch())
+    return match_windows(device, pictures, levels, (mask, mask), search, options, Stopwatch())
 
 
 def _merging(device: Backend, scene: BenchScene) -> object:
