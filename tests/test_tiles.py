@@ -9,12 +9,13 @@ from test_match import textured_pair
 
 from stereo_gpu import tiles
 from stereo_gpu.backends import open_backend
-from stereo_gpu.config import PROFILES, Profile
+from stereo_gpu.config import PROFILES, MeshOptions, Profile
 from stereo_gpu.device_match import match_bytes
 from stereo_gpu.errors import MemoryLimitError
 from stereo_gpu.match import match
+from stereo_gpu.pipeline import reconstruct_rectified
 from stereo_gpu.tiles import Margin, choose_tiles, find_margin, plan_tiles
-from stereo_gpu.types import Validity, View
+from stereo_gpu.types import RectifiedPair, Validity, View
 
 ALLOWED = 1e-4  # share of the pixels that may change by more than CHANGED
 CHANGED = 0.01  # px
@@ -163,6 +164,17 @@ def test_the_whole_map_is_judged():
     assert found.options["tiles"] == [3, 2]
     assert np.isnan(found.values).all() and not found.confidence.any()
     assert (found.validity == Validity.TEXTURELESS).all()
+
+
+def test_a_reconstruction_in_tiles():
+    left, right, _ = textured_pair(160, 120)
+    pair = RectifiedPair.from_geometry(left, right, focal_px=150, baseline=60, cx_left=80, cx_right=80, cy=60)
+    job = {"disparities": (0, 36), "profile": "fast", "mesh": MeshOptions(faces=500, unwrap="view")}
+    whole, tiled = (reconstruct_rectified(pair, **job, tile=tile) for tile in (None, 64))
+    assert whole.options["tiles"] == [1, 1] and tiled.options["tiles"] == [3, 2]
+    assert (whole.options["tile"], tiled.options["tile"]) == (None, 64)
+    np.testing.assert_array_equal(whole.disparity.values, tiled.disparity.values)
+    np.testing.assert_array_equal(whole.points, tiled.points)
 
 
 def test_each_device(backend):
