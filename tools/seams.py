@@ -39,8 +39,10 @@ def pairs(data: Path, scene_width: int) -> Iterator[tuple[str, np.ndarray, np.nd
 
 
 def difference(whole: sg.Disparity, tiled: sg.Disparity) -> tuple[float, float, float]:
-    """Shares of the pixels that changed: by more than CHANGED or in having a value, the same of the columns whose whole
-    range lies in the other picture, and in any bit of value, validity or confidence.
+    """Shares of the pixels that changed: by more than CHANGED, the same in both pictures, and in any bit.
+
+    A pixel that has a value in one map alone has changed by more than CHANGED. In both pictures are the columns whose
+    whole range lies in the other picture. The bits are those of value, validity and confidence.
     """
     a, b = whole.values, tiled.values
     same = (a == b) | (np.isnan(a) & np.isnan(b))
