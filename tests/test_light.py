@@ -10,7 +10,6 @@ from stereo_gpu.prepare import LEAST_CONTRAST, grey_levels
 from stereo_gpu.rectify import rectify
 from stereo_gpu.scene_render import render_pair
 from stereo_gpu.scene_truth import truth
-from stereo_gpu.types import Validity
 
 MATCHERS = {
     "fast": {"profile": "fast"},
@@ -100,7 +99,7 @@ def test_levels_follow_gain_and_offset():
 
 def test_faint_noise_of_16_bits_is_not_stretched():
     rng = np.random.default_rng(2)
-    left, right = (rng.integers(20_000, 20_004, (120, 160)).astype(np.uint16) for _ in range(2))
-    assert grey_levels(left).scale == pytest.approx(255 / (20_003 * LEAST_CONTRAST), rel=1e-3)
+    left, right = (rng.integers(20_000, 20_020, (120, 160)).astype(np.uint16) for _ in range(2))
+    assert grey_levels(left).scale == pytest.approx(255 / (20_019 * LEAST_CONTRAST), rel=1e-3)
     found = match(left, right, disparities=(0, 32), profile="fast")
-    assert (found.validity & Validity.TEXTURELESS).all()
+    assert np.isfinite(found.values).mean() < 0.02

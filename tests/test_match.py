@@ -216,8 +216,8 @@ def test_too_large_a_volume_is_refused_before_it_is_taken(monkeypatch):
 
 # Bad-1.0 in percent, no value counted as bad, and among the pixels that have one. OpenCV's SGBM (HH) has 10.0 and 4.7.
 REAL = {
-    "teddy": ("im2.png", "im6.png", 4, 64, {"fast": (13.0, 10.0), "precise": (6.5, 6.5)}),
-    "tsukuba": ("im3.png", "im4.png", 16, 24, {"fast": (11.0, 8.0), "precise": (6.5, 6.5)}),
+    "teddy": ("im2.png", "im6.png", 4, 64, {"fast": (12.0, 8.0), "precise": (6.5, 6.5)}),
+    "tsukuba": ("im3.png", "im4.png", 16, 24, {"fast": (7.5, 6.5), "precise": (6.5, 6.5)}),
 }
 
 
