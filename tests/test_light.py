@@ -99,7 +99,7 @@ def test_levels_follow_gain_and_offset():
 
 def test_faint_noise_of_16_bits_is_not_stretched():
     rng = np.random.default_rng(2)
-    left, right = (rng.integers(20_000, 20_020, (120, 160)).astype(np.uint16) for _ in range(2))
+    left, right = (rng.integers(20_000, 20_020, (240, 320)).astype(np.uint16) for _ in range(2))
     assert grey_levels(left).scale == pytest.approx(255 / (20_019 * LEAST_CONTRAST), rel=1e-3)
-    found = match(left, right, disparities=(0, 32), profile="fast")
+    found = match(left, right, disparities=(0, 64), profile="fast")
     assert np.isfinite(found.values).mean() < 0.02
