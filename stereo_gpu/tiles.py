@@ -32,10 +32,10 @@ _log = logging.getLogger(__name__)
 MEMORY_SHARE = 0.5  # of what is available; the rest is for other jobs, and for what the estimate does not see
 SMALLEST_SIDE = 64  # px kept of a tile; a smaller one is nearly all margin
 KEPT_BYTES = 9  # a pixel of the whole picture, on the host: value, validity and confidence
-# How far a smooth path is felt, px. It has no end: tools/seams measures where it no longer changes a map. Where both
-# cameras see a surface that is less than 100 px; next to nothing is felt further than this but in the columns that
-# only one of them sees, where nothing but paths tells a disparity.
-PATH_REACH = 192
+# How far a smooth path is felt, px. It has no end: tools/seams measures where it no longer changes a map. On textured
+# surfaces that both cameras see that is less than 100 px, across flat ones 200; it is further in the columns that only
+# one camera sees, where nothing but paths tells a disparity.
+PATH_REACH = 256
 # As in the kernels: how far a census looks, and how far the slope and the plane of a leaning window do.
 CENSUS_REACH, SLOPE_REACH = 4, 6
 
@@ -80,7 +80,7 @@ def match_in_tiles(
     """Match two pictures: as a whole where they fit the device, else in overlapping tiles.
 
     The host holds the maps of the whole picture, the device one tile. Profiles "paper" and "fast" give the untiled
-    map to the bit; smooth paths have no end, so that with "precise" one pixel in 10,000 may differ.
+    map to the bit; smooth paths have no end, so that with "precise" a pixel in 10,000 of a large picture may differ.
 
     Args:
         backend: where to compute.
