@@ -142,6 +142,11 @@ def confidence(score, ratio, validity, weight):
     return out
 
 
+def masked(mask):
+    """MASKED where the mask is 0, else 0."""
+    return np.where(mask == 0, MASKED, 0)
+
+
 def consistency(disparity, other, validity, smallest, disparities, direction, tolerance):
     """Left-right check; other holds the index of the other view's winner, -1 for none."""
     height, width = disparity.shape

@@ -339,3 +339,10 @@ def test_confidence(backend, shape, weight):
         confidence_out=out,
     )
     np.testing.assert_allclose(backend.download(out), reference.confidence(score, ratio, validity, weight), atol=1e-6)
+
+
+def test_masked(backend):
+    mask = np.random.default_rng(4).integers(0, 3, (13, 29)).astype(np.uint8)
+    out = junk(backend, mask.shape, np.uint8)
+    backend.launch("masked", mask=backend.upload(mask), width=29, height=13, validity_out=out)
+    np.testing.assert_array_equal(backend.download(out), reference.masked(mask))
