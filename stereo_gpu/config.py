@@ -25,24 +25,29 @@ class MatchOptions:
         texture_threshold: RMS contrast of a window, in grey levels of 0..255, at or under which it is flat.
         subpixel: whether a parabola refines the winner.
         smooth_sigma: standard deviation of the Gaussian prefilter, px; 0 for none.
-        smooth_paths: whether the winner is taken over census costs aggregated along 8 paths (semi-global), in place
-            of NCC alone.
-        small_penalty, large_penalty: of a disparity change of one, and of more, along such a path; in census bits.
-        edge_penalty, edge_grey: the large penalty where the picture changes by more than so many grey levels.
-        row_slopes: disparity changes a row, px, that are tried in turn; of the maps that result the one that
-            correlates better is taken at each pixel. 1 is a table seen at a grazing angle.
-        slant_rounds: how often each disparity is then moved to the NCC peak of windows that lean with the surface.
-        slant_last_rounds: the same once more over the merged and filled map, from half the step.
-        slant_step_px: how far such a move may go in the first round, px; each further round halves it.
-        slant_slope: largest disparity change a pixel that counts as a slope, not as a jump.
+        smooth_paths: whether the winner is taken over costs of census and colour that are smoothed along 8 paths
+            (semi-global), in place of NCC alone; the options from here to slope_margin are theirs.
+        small_penalty, large_penalty: of a disparity change of one, and of more, along such a path; a pixel's cost is
+            0..146.
+        edge_small_penalty, edge_large_penalty: the same where the picture has an edge.
+        edge_levels: change of a colour from one pixel to the next that is an edge, where 50 are the picture's standard
+            deviation.
+        row_slopes: disparity changes a row, px, of the surfaces that paths expect, tried in turn. 1 is a table seen at
+            a grazing angle.
+        slope_window: side of the window over which a slope must cost less on average than the one before, px, odd.
+        slope_margin: by how much it must.
         whole_volume: whether the cost volume is held in memory, as the paper does, or fused with its winner.
         consistency_px: largest difference to the other view's winner, px; None for no left-right check.
         median: side of the median filter, 3, 5 or 7; 0 for none.
         support_share: share of the surroundings that must have a pixel's disparity; 0 for no such test.
         support_slope: by how much a disparity may change with each pixel of distance and still be shared, px.
         support_reach, support_step: how far these surroundings go and how densely they are sampled, px.
-        fill_reach: longest hole in a row that is filled, px; 0 for none.
+        fill_reach: longest hole in a row that is filled, px; 0 for none. Smooth paths fill every hole.
         same_surface_px: difference up to which two disparities belong to one surface, px.
+        plane_reach, plane_step: how far the pixels go that a plane is fitted to at each pixel, and how densely they are
+            sampled, px; after smooth paths only.
+        plane_px: how far from the plane they may lie, and how far a pixel may be moved, px.
+        largest_slope: of such a plane, px a pixel.
         tile: largest side of the parts that a picture is matched in, px; None for what fits the device's memory.
     """
 
@@ -53,15 +58,14 @@ class MatchOptions:
     windows_share: float = 0.0
     smooth_sigma: float = 0.0
     smooth_paths: bool = False
-    small_penalty: float = 0.0
-    large_penalty: float = 0.0
-    edge_penalty: float = 0.0
-    edge_grey: float = 0.0
+    small_penalty: int = 0
+    large_penalty: int = 0
+    edge_small_penalty: int = 0
+    edge_large_penalty: int = 0
+    edge_levels: int = 0
     row_slopes: tuple[int, ...] = (0,)
-    slant_rounds: int = 0
-    slant_last_rounds: int = 0
-    slant_step_px: float = 0.5
-    slant_slope: float = 1.5
+    slope_window: int = 9
+    slope_margin: float = 0.0
     whole_volume: bool = False
     consistency_px: float | None = None
     median: int = 0
@@ -71,6 +75,10 @@ class MatchOptions:
     support_step: int = 3
     fill_reach: int = 0
     same_surface_px: float = 1.0
+    plane_reach: int = 6
+    plane_step: int = 2
+    plane_px: float = 0.0
+    largest_slope: float = 1.5
     tile: int | None = None
 
 
@@ -87,23 +95,24 @@ PROFILES = {
         fill_reach=64,
     ),
     Profile.PRECISE: MatchOptions(
-        window=9,
+        window=5,
         texture_threshold=0.0,
         subpixel=True,
         smooth_paths=True,
-        small_penalty=18.0,
-        large_penalty=100.0,
-        edge_penalty=50.0,
-        edge_grey=12.0,
+        small_penalty=170,
+        large_penalty=400,
+        edge_small_penalty=34,
+        edge_large_penalty=80,
+        edge_levels=15,
         row_slopes=(0, 1),
-        slant_rounds=3,
-        slant_last_rounds=2,
-        consistency_px=1.0,
+        slope_margin=24.0,  # 3 a path
+        consistency_px=0.7,
         median=3,
-        support_share=0.2,
-        support_slope=1.2,
-        same_surface_px=2.0,
-        fill_reach=64,
+        support_share=0.4,
+        support_slope=0.3,
+        support_reach=8,
+        support_step=2,
+        plane_px=0.5,
     ),
 }
 # For window "auto": each has two to three times the pixels of the one before, up to the paper's own.

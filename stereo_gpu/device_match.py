@@ -6,17 +6,18 @@ import dataclasses
 
 import numpy as np
 
+from stereo_gpu import smooth_paths, winners
 from stereo_gpu.backends import Backend, DeviceArray
 from stereo_gpu.config import MatchOptions, Profile
-from stereo_gpu.prepare import GreyLevels, prepare_view
-from stereo_gpu.refine import better, complete, lean, verify
+from stereo_gpu.prepare import Levels
+from stereo_gpu.smooth_paths import match_paths
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.types import Bytes, Disparity, Floats, Validity, View
 from stereo_gpu.windows import match_windows
-from stereo_gpu.winners import Winners, find_winners, make_volumes, scratch_bytes, volume_bytes
+from stereo_gpu.winners import Winners
 
-# A map is believed if this share of its pixels has an NCC over that.
-SURE_SHARE, SURE_SCORE = 0.05, 0.5
+# A map of smooth paths is believed if this share of its pixels has a confidence over that.
+SURE_SHARE, SURE = 0.05, 0.5
 
 
 def match_on(
@@ -24,7 +25,7 @@ def match_on(
     left: DeviceArray,
     right: DeviceArray,
     *,
-    levels: tuple[GreyLevels, GreyLevels],
+    levels: tuple[Levels, Levels],
     masks: tuple[DeviceArray, DeviceArray],
     smallest: int,
     disparities: int,
@@ -47,100 +48,18 @@ def match_on(
     Raises:
         MemoryLimitError: the job does not fit the device.
     """
-    found = match_part(
-        backend,
-        left,
-        right,
-        levels=levels,
-        masks=masks,
-        smallest=smallest,
-        disparities=disparities,
-        reference=reference,
-        options=options,
-        watch=watch,
-    )
-    if not options.smooth_paths or is_founded(
-        *count_sure(backend.download(found.values), backend.download(found.score))
-    ):
-        return found
-    values, validity = (backend.download(array) for array in (found.values, found.validity))
-    drop_all(values, validity)
-    return dataclasses.replace(found, values=backend.upload(values), validity=backend.upload(validity))
-
-
-def match_part(
-    backend: Backend,
-    left: DeviceArray,
-    right: DeviceArray,
-    *,
-    levels: tuple[GreyLevels, GreyLevels],
-    masks: tuple[DeviceArray, DeviceArray],
-    smallest: int,
-    disparities: int,
-    reference: View,
-    options: MatchOptions,
-    watch: Stopwatch,
-) -> Winners:
-    """Match a part of two pictures; whether the map is founded is for its caller to judge, who sees the whole of it.
-
-    Arguments and errors are those of `match_on`.
-    """
     check_match_memory(backend, left.shape[1], left.shape[0], disparities, options)
     search = {"smallest": smallest, "disparities": disparities, "direction": 1 if reference is View.RIGHT else -1}
-    if options.windows:
-        pictures, ends = ((left, right), levels) if reference is View.LEFT else ((right, left), levels[::-1])
-        return match_windows(backend, pictures, ends, masks, search, options, watch)
-    with watch.step("norms"):
-        views = [prepare_view(backend, left, levels[0], masks[reference is View.RIGHT], options)]
-        views += [prepare_view(backend, right, levels[1], masks[reference is View.LEFT], options)]
-        backend.finish()
-    ours, theirs = views if reference is View.LEFT else views[::-1]
-    found: Winners | None = None
-    # Fresh memory costs as much as several paths, so that the slopes share it.
-    volumes = make_volumes(backend, left.shape[1], left.shape[0], disparities) if options.smooth_paths else None
-    for row_slope in options.row_slopes:
-        with watch.step("correlation"):
-            winners = find_winners(
-                backend, ours, theirs, **search, row_slope=row_slope, options=options, volumes=volumes
-            )
-            backend.finish()
-        with watch.step("refinement"):
-            winners = verify(backend, winners, **search, options=options)
-            winners = lean(
-                backend,
-                winners,
-                ours,
-                theirs,
-                search["direction"],
-                rounds=options.slant_rounds,
-                step_px=options.slant_step_px,
-                options=options,
-            )
-            found = winners if found is None else better(backend, found, winners)
-            backend.finish()
-    assert found is not None  # there is always a first slope
-    volumes = None
-    with watch.step("refinement"):
-        found = complete(backend, found, options)
-        # Once more, now that holes are filled and the two slopes' maps meet.
-        found = lean(
-            backend,
-            found,
-            ours,
-            theirs,
-            search["direction"],
-            rounds=options.slant_last_rounds,
-            step_px=options.slant_step_px / 2,
-            options=options,
-        )
-        backend.finish()
-    return found
+    views = (left, levels[0]), (right, levels[1])
+    (ours, our_levels), (theirs, their_levels) = views if reference is View.LEFT else views[::-1]
+    way = match_paths if options.smooth_paths else match_windows
+    return way(backend, (ours, theirs), (our_levels, their_levels), masks, search, options, watch)
 
 
-def count_sure(values: Floats, score: Floats) -> tuple[int, int]:
-    """How many pixels have a value that correlates well, and how many have a value."""
-    given = np.isfinite(values)
-    return int((score[given] > SURE_SCORE).sum()), int(given.sum())
+def count_sure(disparity: Disparity, part: tuple[slice, slice]) -> tuple[int, int]:
+    """How many pixels of a part have a value that is likely right, and how many have a value."""
+    confidence = disparity.confidence[part][np.isfinite(disparity.values[part])]
+    return int((confidence > SURE).sum()), confidence.size
 
 
 def is_founded(sure: int, given: int) -> bool:
@@ -204,7 +123,7 @@ def check_match_memory(backend: Backend, width: int, height: int, disparities: i
         MemoryLimitError: with needed and available bytes and the option that would make it fit.
     """
     remedy = "use smaller pictures or fewer disparities"
-    if volume_bytes(width, height, disparities, options):
+    if options.smooth_paths or options.whole_volume:
         remedy = "use profile fast, which never holds a cost volume, or fewer disparities"
     backend.check_memory(*match_bytes(backend, width, height, disparities, options), remedy)
 
@@ -213,6 +132,9 @@ def match_bytes(backend: Backend, width: int, height: int, disparities: int, opt
     """Estimate what a match takes on a device: bytes in all, and of the largest array."""
     # Two pictures, two views with sums, and the maps before and after each refinement.
     maps = width * height * 90
-    scratch = scratch_bytes(backend, width, height, disparities, options)
-    volume = volume_bytes(width, height, disparities, options)
+    size = (width, height, disparities)
+    if options.smooth_paths:
+        scratch, volume = smooth_paths.scratch_bytes(backend, *size), smooth_paths.volume_bytes(*size)
+    else:
+        scratch, volume = winners.scratch_bytes(backend, *size, options), winners.volume_bytes(*size, options)
     return maps + scratch + volume, max(width * height * 12, scratch, volume)

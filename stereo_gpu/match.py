@@ -12,7 +12,7 @@ from stereo_gpu.disparity_range import find_range
 from stereo_gpu.errors import InputError
 from stereo_gpu.images import check_pair
 from stereo_gpu.match_options import Range, Window, check_range, choose_options, parse_profile, parse_view
-from stereo_gpu.prepare import grey_levels
+from stereo_gpu.prepare import find_levels
 from stereo_gpu.tiles import match_in_tiles
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.types import Bytes, Disparity, Picture, View
@@ -70,7 +70,7 @@ def match(
         device,
         left,
         right,
-        levels=(grey_levels(left), grey_levels(right)),
+        levels=(find_levels(left), find_levels(right)),
         masks=(masks[0], masks[1]),
         smallest=smallest,
         disparities=count,

@@ -24,7 +24,7 @@ from stereo_gpu.job import Job, Rectangle, check_against, plan_job
 from stereo_gpu.mask import mask_from_depth, mask_from_rectangle
 from stereo_gpu.match_options import Range, Window
 from stereo_gpu.mesh import build_mesh
-from stereo_gpu.prepare import grey_levels, grey_scale
+from stereo_gpu.prepare import find_levels, grey_scale
 from stereo_gpu.rectify import DevicePair, check_rig, download_pair, plan_rectification, rectify_on
 from stereo_gpu.result import Reconstruction
 from stereo_gpu.rig import Rig
@@ -159,7 +159,7 @@ def _from_rectified(
 ) -> Reconstruction:
     """All stages from the rectified pair on; `held` is the same pair on the device."""
     # Of the raw pictures, since rectified ones have black corners.
-    levels = grey_levels(raw_left), grey_levels(raw_right)
+    levels = find_levels(raw_left), find_levels(raw_right)
     centre = (pair.baseline if job.view is View.RIGHT else 0.0, 0.0, 0.0)
     with watch.step("check"):
         checked = check_rectified(pair.left, pair.right, offset_px=pair.cx_left - pair.cx_right)

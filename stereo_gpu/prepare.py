@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 
 from stereo_gpu.backends import Backend, DeviceArray
 from stereo_gpu.config import MatchOptions
-from stereo_gpu.types import Picture
+from stereo_gpu.types import Bytes, Picture
 
 # Of a picture's bright end: less is flat, and is not stretched until its noise looks like texture.
 LEAST_CONTRAST = 1 / 16
+# Mean and standard deviation of a guide's planes.
+GUIDE_MEAN, GUIDE_DEVIATION = 128.0, 50.0
+# A picture's mean and deviation are taken of about so many pixels.
+ENOUGH_PIXELS = 1 << 20
 
 
 class GreyLevels(NamedTuple):
@@ -21,6 +27,16 @@ class GreyLevels(NamedTuple):
 
     black: float = 0.0
     scale: float = 1.0
+
+
+class Levels(NamedTuple):
+    """How a picture's values are matched: as grey levels, and as colours of known mean and contrast.
+
+    `colours` are a gain and an offset for each of three channels, as `colour_levels` gives them.
+    """
+
+    grey: GreyLevels = GreyLevels()
+    colours: tuple[float, ...] = (1.0, 0.0) * 3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,6 +95,11 @@ def sum_windows(backend: Backend, grey: DeviceArray, mask: DeviceArray, options:
     return DeviceView(grey=grey, window_sum=window_sum, inverse_norm=inverse, validity=validity)
 
 
+def find_levels(picture: Picture) -> Levels:
+    """What brings a whole picture to the levels that are matched."""
+    return Levels(grey_levels(picture))
+
+
 def grey_levels(picture: Picture) -> GreyLevels:
     """Values of a picture that are matched as black and white; of uint8 0 and 255.
 
@@ -91,6 +112,43 @@ def grey_levels(picture: Picture) -> GreyLevels:
     dark, bright = (float(value) for value in np.percentile(picture[::4], (0.1, 99.9)))
     span = max(1.0, bright - dark, bright * LEAST_CONTRAST)
     return GreyLevels(dark, 255.0 / span)
+
+
+def colour_levels(picture: Picture, valid: Bytes) -> tuple[float, ...]:
+    """Gain and offset that take each of three channels to the mean and deviation of a guide.
+
+    So neither gain nor offset of a camera changes the guide. A channel of one value, or without valid pixels, has gain
+    0; a grey picture has the same numbers three times.
+
+    Args:
+        picture: the whole of it, (H, W) or (H, W, 3).
+        valid: (H, W), not 0 where a pixel counts.
+    """
+    # Whole rows, so that a mirrored picture gives the same.
+    step = max(1, valid.size // ENOUGH_PIXELS)
+    mask = np.ascontiguousarray(valid[::step] != 0).view(np.uint8)
+    means, deviations = cv2.meanStdDev(np.ascontiguousarray(picture[::step]), mask=mask)
+    levels: list[float] = []
+    for mean, deviation in zip(means.ravel(), deviations.ravel(), strict=True):
+        gain = GUIDE_DEVIATION / float(deviation) if deviation > 0 else 0.0
+        levels += [gain, GUIDE_MEAN - float(mean) * gain]
+    return tuple(levels if len(levels) == 6 else levels * 3)
+
+
+def make_guide(backend: Backend, picture: DeviceArray, levels: Sequence[float]) -> DeviceArray:
+    """Colours of a picture in the levels that `colour_levels` gives, (3, H, W) uint8."""
+    height, width = picture.shape[:2]
+    guide = backend.empty((3, height, width), np.uint8)
+    backend.launch(
+        "guide",
+        picture=picture,
+        levels=backend.upload(np.array(levels, np.float32)),
+        width=width,
+        height=height,
+        channels=1 if len(picture.shape) == 2 else 3,
+        guide_out=guide,
+    )
+    return guide
 
 
 def grey_scale(picture: Picture) -> float:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from stereo_gpu.backends import Backend
 from stereo_gpu.config import MatchOptions
 from stereo_gpu.device_match import match_on
-from stereo_gpu.prepare import GreyLevels
+from stereo_gpu.prepare import Levels
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.types import Bytes, Floats, Ints, View
 
@@ -100,7 +100,7 @@ def _match(
         backend,
         backend.upload(pictures[0]),
         backend.upload(np.ascontiguousarray(right)),
-        levels=(GreyLevels(), GreyLevels()),
+        levels=(Levels(), Levels()),
         masks=(backend.upload(masks[0]), backend.upload(np.ascontiguousarray(right_mask))),
         smallest=smallest - farthest,
         disparities=disparities + 2 * farthest,

@@ -20,9 +20,9 @@ from stereo_gpu.device_match import (
     drop_all,
     is_founded,
     match_bytes,
-    match_part,
+    match_on,
 )
-from stereo_gpu.prepare import GreyLevels
+from stereo_gpu.prepare import Levels
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.types import Bytes, Disparity, Picture, Validity, View
 from stereo_gpu.windows import surroundings
@@ -36,8 +36,7 @@ KEPT_BYTES = 9  # a pixel of the whole picture, on the host: value, validity and
 # surfaces that both cameras see that is less than 100 px, across flat ones 200; it is further in the columns that only
 # one camera sees, where nothing but paths tells a disparity.
 PATH_REACH = 256
-# As in the kernels: how far a census looks, and how far the slope and the plane of a leaning window do.
-CENSUS_REACH, SLOPE_REACH = 4, 6
+CENSUS_REACH = 2  # as in the kernel
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,7 +67,7 @@ def match_in_tiles(
     left: Picture,
     right: Picture,
     *,
-    levels: tuple[GreyLevels, GreyLevels],
+    levels: tuple[Levels, Levels],
     masks: tuple[Bytes, Bytes],
     smallest: int,
     disparities: int,
@@ -111,7 +110,7 @@ def match_in_tiles(
         cut_left, cut_right, ours, theirs = (
             backend.upload(np.ascontiguousarray(array[tile.taken])) for array in (left, right, *masks)
         )
-        found = match_part(
+        found = match_on(
             backend,
             cut_left,
             cut_right,
@@ -127,7 +126,7 @@ def match_in_tiles(
         for whole, cut in ((values, part.values), (validity, part.validity), (confidence, part.confidence)):
             whole[tile.kept] = cut[tile.inner]
         if options.smooth_paths:
-            counts = count_sure(part.values[tile.inner], backend.download(found.score)[tile.inner])
+            counts = count_sure(part, tile.inner)
             sure, given = sure + counts[0], given + counts[1]
 
     for number, tile in enumerate(tiles, 1):
@@ -242,19 +241,21 @@ def find_margin(options: MatchOptions, smallest: int, disparities: int, referenc
     - The prefilter and the pixel's own window, or the census and the smooth paths, which fade: see PATH_REACH.
     - Along the row, its partners in the other view, smallest to smallest + disparities - 1 px away; and, for the
       left-right check, all that compete for these partners, up to disparities - 1 px to either side.
-    - Median; where several windows are tried, the support of each and the median of what is chosen; leaning windows
-      (each round sees the map of the last one), support, filling (along the row), and once more median and leaning
-      windows.
+    - Median; where several windows are tried, the support of each and the median of what is chosen; after smooth
+      paths the choice of a slope and the fitted planes; support, filling (along the row), and once more the median.
+
+    Holes that smooth paths leave are filled from as far as it takes, which the margin does not hold: one that is wider
+    is filled from the tile's side of it.
     """
     median = options.median // 2
     window = max((options.window, *options.windows)) // 2
     prefilter = math.ceil(3 * options.smooth_sigma)
     choice = max((surroundings(side)[0] for side in options.windows), default=0) + (median if options.windows else 0)
     paths = CENSUS_REACH + PATH_REACH if options.smooth_paths else 0
-    rounds = SLOPE_REACH * (options.slant_rounds + options.slant_last_rounds)
+    planes = options.slope_window // 2 + options.plane_reach if options.smooth_paths else 0
     support = options.support_reach if options.support_share > 0 else 0
     fill = options.fill_reach + 1 if options.fill_reach else 0
-    rows = prefilter + window + paths + median + choice + rounds + support + (median if fill else 0)
+    rows = prefilter + window + paths + median + choice + planes + support + (median if fill else 0)
     columns = rows + fill + 1  # a partner at a fraction of a pixel may round to one more
     ends = (smallest, smallest + disparities - 1)
     low, high = ends if reference is View.RIGHT else (-ends[1], -ends[0])

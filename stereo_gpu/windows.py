@@ -1,4 +1,4 @@
-"""Match with several windows, and take at each pixel the smallest one that holds."""
+"""Match with one window, or with several, of which each pixel takes the smallest one that holds."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 from stereo_gpu.backends import Backend, DeviceArray
 from stereo_gpu.config import MatchOptions
-from stereo_gpu.prepare import GreyLevels, make_grey, sum_windows
+from stereo_gpu.prepare import Levels, make_grey, sum_windows
 from stereo_gpu.refine import complete, drop_lonely, filter_median, verify
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.winners import Winners, find_winners
@@ -18,50 +18,54 @@ from stereo_gpu.winners import Winners, find_winners
 def match_windows(
     backend: Backend,
     pictures: tuple[DeviceArray, DeviceArray],
-    levels: tuple[GreyLevels, GreyLevels],
+    levels: tuple[Levels, Levels],
     masks: tuple[DeviceArray, DeviceArray],
     search: dict[str, Any],
     options: MatchOptions,
     watch: Stopwatch,
 ) -> Winners:
-    """Match with every window of `options.windows`, and choose one at each pixel.
+    """Match with a window, or at each pixel with one of several.
 
     A small window keeps edges and thin things, a wide one finds its place where there is little texture. So each
-    window's winners are checked against the other view's, filtered, and held against their surroundings, and a
-    pixel takes the smallest window that passes. The median then takes away what lies alone among other windows'.
+    of `options.windows` has its winners checked against the other view's, filtered, and held against their
+    surroundings, and a pixel takes the smallest window that passes. The median then takes away what lies alone among
+    other windows'.
 
     Args:
         backend: the device.
         pictures: the reference view and the other one.
-        levels: which of their values are black and white.
+        levels: of their values.
         masks: of the two.
         search: smallest, disparities and direction, as `find_winners` takes them.
-        options: of the matching, with `windows`.
+        options: of the matching.
         watch: collects seconds a step.
     """
     with watch.step("norms"):
-        greys = [make_grey(backend, *view, options) for view in zip(pictures, levels, strict=True)]
-    found: Winners | None = None
+        greys = [
+            make_grey(backend, picture, level.grey, options) for picture, level in zip(pictures, levels, strict=True)
+        ]
+    if not options.windows:
+        found = _match_window(backend, greys, masks, search, options, watch)
+        with watch.step("refinement"):
+            found = complete(backend, found, options)
+            backend.finish()
+        return found
+    chosen: Winners | None = None
     for window in options.windows:
         reach, step = surroundings(window)
         alone = dataclasses.replace(
             options, window=window, support_share=options.windows_share, support_reach=reach, support_step=step
         )
-        with watch.step("norms"):
-            ours, theirs = (sum_windows(backend, *view, alone) for view in zip(greys, masks, strict=True))
-            backend.finish()
-        with watch.step("correlation"):
-            wider = find_winners(backend, ours, theirs, **search, options=alone)
-            backend.finish()
+        wider = _match_window(backend, greys, masks, search, alone, watch)
         with watch.step("refinement"):
-            wider = drop_lonely(backend, verify(backend, wider, **search, options=alone), alone)
-            found = wider if found is None else _choose(backend, found, wider)
+            wider = drop_lonely(backend, wider, alone)
+            chosen = wider if chosen is None else _choose(backend, chosen, wider)
             backend.finish()
-    assert found is not None  # there is always a first window
+    assert chosen is not None  # there is always a first window
     with watch.step("refinement"):
-        found = complete(backend, filter_median(backend, found, options), options)
+        chosen = complete(backend, filter_median(backend, chosen, options), options)
         backend.finish()
-    return found
+    return chosen
 
 
 def surroundings(window: int) -> tuple[int, int]:
@@ -72,6 +76,27 @@ def surroundings(window: int) -> tuple[int, int]:
     """
     step = max(3, window // 2 + 1)
     return 3 * step, step
+
+
+def _match_window(
+    backend: Backend,
+    greys: list[DeviceArray],
+    masks: tuple[DeviceArray, DeviceArray],
+    search: dict[str, Any],
+    options: MatchOptions,
+    watch: Stopwatch,
+) -> Winners:
+    """The winners of one window, checked and filtered."""
+    with watch.step("norms"):
+        ours, theirs = (sum_windows(backend, *view, options) for view in zip(greys, masks, strict=True))
+        backend.finish()
+    with watch.step("correlation"):
+        found = find_winners(backend, ours, theirs, **search, options=options)
+        backend.finish()
+    with watch.step("refinement"):
+        found = verify(backend, found, **search, options=options)
+        backend.finish()
+    return found
 
 
 def _choose(backend: Backend, found: Winners, wider: Winners) -> Winners:

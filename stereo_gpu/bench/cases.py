@@ -16,15 +16,15 @@ from stereo_gpu.bench.scene import BenchScene, mesh_of
 from stereo_gpu.config import PROFILES, MatchOptions, Profile
 from stereo_gpu.device_match import download_disparity, match_on
 from stereo_gpu.match_options import choose_options
-from stereo_gpu.prepare import DeviceView, GreyLevels, prepare_view
+from stereo_gpu.prepare import GreyLevels, Levels, prepare_view
 from stereo_gpu.rectify import plan_rectification, rectify_on
-from stereo_gpu.refine import better, lean
+from stereo_gpu.smooth_paths import prepare_path_view
 from stereo_gpu.texture import bake_texture
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.triangulate import triangulate_on
 from stereo_gpu.types import View
 from stereo_gpu.windows import match_windows
-from stereo_gpu.winners import Winners, find_winners
+from stereo_gpu.winners import Winners
 
 Stage = Callable[[Backend, BenchScene], object]
 
@@ -80,7 +80,7 @@ def _matching(profile: Profile) -> Stage:
             device,
             device.upload(scene.left),
             device.upload(scene.right),
-            levels=(GreyLevels(), GreyLevels()),
+            levels=(Levels(), Levels()),
             masks=(everywhere, everywhere),
             smallest=0,
             disparities=scene.disparities,
@@ -112,41 +112,20 @@ def _rectifying(colour: bool) -> Stage:
     return stage
 
 
-def _views(device: Backend, scene: BenchScene, options: MatchOptions) -> tuple[DeviceView, DeviceView]:
-    everywhere = device.upload(np.ones((scene.height, scene.width), np.uint8))
-    ours = prepare_view(device, device.upload(scene.right), GreyLevels(), everywhere, options)
-    return ours, prepare_view(device, device.upload(scene.left), GreyLevels(), everywhere, options)
-
-
 def _census(device: Backend, scene: BenchScene) -> object:
     # Not the whole match, which asks for a volume's memory: the census comes before that is taken.
+    everywhere = device.upload(np.ones((scene.height, scene.width), np.uint8))
     options = options_of(Profile.PRECISE, scene)
-    ours, theirs = _views(device, scene, options)
-    return find_winners(device, ours, theirs, smallest=0, disparities=scene.disparities, direction=1, options=options)
-
-
-def _leaning(device: Backend, scene: BenchScene) -> object:
-    options = options_of(Profile.PRECISE, scene)
-    ours, theirs = _views(device, scene, options)
-    found = _matching(Profile.FAST)(device, scene)
-    assert isinstance(found, Winners)
-    return lean(device, found, ours, theirs, 1, rounds=1, step_px=options.slant_step_px, options=options)
+    return prepare_path_view(device, device.upload(scene.right), Levels(), everywhere, options)
 
 
 def _choosing(device: Backend, scene: BenchScene) -> object:
     options = choose_options(Profile.FAST, "auto")
     mask = device.upload(np.ones((scene.height, scene.width), np.uint8))
     pictures = device.upload(scene.right), device.upload(scene.left)
-    levels = GreyLevels(), GreyLevels()
+    levels = Levels(), Levels()
     search = {"smallest": 0, "disparities": scene.disparities, "direction": 1}
     return match_windows(device, pictures, levels, (mask, mask), search, options, Stopwatch())
-
-
-def _merging(device: Backend, scene: BenchScene) -> object:
-    found = _matching(Profile.FAST)(device, scene)
-    assert isinstance(found, Winners)
-    rival = dataclasses.replace(found, values=device.upload(scene.disparity))
-    return better(device, found, rival)
 
 
 def _downloading(device: Backend, scene: BenchScene) -> object:
@@ -196,8 +175,7 @@ KERNELS = (
         after="census_volume",
         operations=_constant(11),
     ),
-    KernelCase(name="slant", kernel="slant", stage=_leaning),
-    KernelCase(name="merge", kernel="merge", stage=_merging),
+    KernelCase(name="merge", kernel="merge", stage=_PRECISE),
     KernelCase(name="rectify", kernel="rectify", stage=_rectifying(colour=False), peer=peers.REMAP),
     KernelCase(name="rectify RGB", kernel="rectify", stage=_rectifying(colour=True), peer=peers.REMAP_COLOUR),
     KernelCase(
