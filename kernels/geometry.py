@@ -20,6 +20,7 @@ class Geometry:
         alone: work-items that share nothing and are best run one to a work-group.
         whole: work-items may write to each other's places, which is safe where an atomic is one. Warp's are none on
             the CPU, so that several threads must not share such a launch.
+        stages: how many times the kernel runs, with its scalar `stage` counting from 0; scratch is kept in between.
     """
 
     size: tuple[int, ...]
@@ -28,6 +29,7 @@ class Geometry:
     group: int = 0
     alone: bool = False
     whole: bool = False
+    stages: int = 1
 
 
 @dataclass(frozen=True)
@@ -165,42 +167,56 @@ def _ncc_winners_in_warp(call: Call) -> Geometry:
 
 # The same as in the forms of aggregate for GPUs: work-items of a line, and disparities that need no scratch.
 LINE_GROUP, HELD = 64, 256
-# The same as in the forms of aggregate for CPUs.
-SIDE_BY_SIDE, PAD = 8, 4
+# The same as in the forms of aggregate for CPUs: rows of a band, columns of a strip at most, lanes at most.
+BAND, WIDEST, SHORTS = 32, 256, 32
+# The same as in the form of aggregate for CPUs in Warp.
+PAD = 4
 
 
 def _lines(call: Call) -> int:
-    """Lines of the picture in the direction of a path."""
-    if call["step_y"] == 0:
-        return int(call["height"])
-    return int(call["width"] + (call["height"] - 1 if call["step_x"] else 0))
+    """Lines of the picture in the direction of a path, at most."""
+    return int(call["width"] + call["height"] - 1 if call["heading"] else call["height"])
+
+
+def _paths(call: Call) -> int:
+    return 3 if call["heading"] else 2
 
 
 def _paths_on_gpu(call: Call) -> Geometry:
     lines = _lines(call)
     rest = 2 * lines * call["disparities"] if call["disparities"] > HELD else 1
     size = (lines * LINE_GROUP,) if call.language == "opencl" else (LINE_GROUP, lines)
-    return Geometry(size, {"lines": lines}, rest, group=LINE_GROUP)
+    return Geometry(size, scratch_floats=rest, group=LINE_GROUP, stages=_paths(call))
 
 
 def _paths_in_opencl(call: Call) -> Geometry:
-    lines = _lines(call)
-    together = SIDE_BY_SIDE if call["step_y"] else 1
-    walled = (-(-call["disparities"] // 16) + 2) * 16
-    return Geometry((-(-lines // together),), {"lines": lines}, 2 * lines * walled, alone=True)
+    padded = -(-call["disparities"] // SHORTS) * SHORTS
+    stride = padded + SHORTS
+    common = stride + 3 * (padded + 2 * SHORTS)
+    if call["heading"] == 0:
+        items = min(call["height"], 8 * call.units)
+        room = common + 2 * padded + call["width"] + 2 * SHORTS
+        return Geometry((items,), scratch_floats=items * room // 2 + 1, alone=True)
+    # Two strips a core even out the load; a wide one repeats less of what leans into it.
+    columns = min(WIDEST, -(-call["width"] // (2 * call.units)))
+    strips = -(-call["width"] // columns)
+    room = common + 3 * (WIDEST + 2 * BAND + SHORTS) + 3 * (columns + BAND) * stride
+    shorts = strips * room + 6 * call["width"] * stride
+    return Geometry((strips,), scratch_floats=shorts // 2 + 1, alone=True, stages=-(-call["height"] // BAND))
 
 
 def _paths_in_warp(call: Call) -> Geometry:
     lines = _lines(call)
-    return Geometry((lines,), {"lines": lines}, 2 * lines * (call["disparities"] + 2 * PAD), alone=True)
+    scratch = lines * (call["disparities"] + 2 * PAD)
+    return Geometry((lines,), scratch_floats=scratch, alone=True, stages=_paths(call))
 
 
 # Every kernel that is not here or in the form's table has a work-item a pixel.
 _ON_ALL: dict[str, Callable[[Call], Geometry]] = {
     "aggregate": _paths_on_gpu,
     "bake": _texels,
-    "census_volume": _cells,
     "cover": _triangles,
+    "match_cost": _cells,
     "ncc_volume": _volume_strips,
     "ncc_wta": _ncc_winners_on_gpu,
     "window_norms": _norm_columns,
@@ -209,22 +225,26 @@ _ON_ALL: dict[str, Callable[[Call], Geometry]] = {
 _ON_CPU: dict[str, dict[str, Callable[[Call], Geometry]]] = {
     "opencl": {
         "aggregate": _paths_in_opencl,
+        "agree": _bands,
         "bake": _texel_bands,
         "census": _bands,
-        "census_volume": _bands,
         "confidence": _bands,
         "consistency": _bands,
         "cover": _cover_bands,
         "dilate": _bands,
         "fill": _bands,
         "grey": _bands,
+        "guide": _bands,
+        "match_cost": _bands,
         "median": _bands,
+        "merge": _bands,
         "ncc_wta": _ncc_winners_in_opencl,
         "rectify": _bands,
         "slant": _bands,
         "smooth": _bands,
         "support": _bands,
         "triangulate": _bands,
+        "vote": _bands,
         "window_norms": _norm_strips,
         "wta": _bands,
     },

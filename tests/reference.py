@@ -172,6 +172,25 @@ def consistency(disparity, other, validity, smallest, disparities, direction, to
     return values, out
 
 
+def agree(disparity, validity, other_disparity, smallest, disparities, direction, tolerance):
+    """Left-right check of two maps; OCCLUDED if the other view sees no point on the ray, else MISMATCH."""
+    height, width = disparity.shape
+    values, out = disparity.copy(), validity.copy()
+    for y, x in np.ndindex(height, width):
+        d = disparity[y, x]
+        if math.isnan(d):
+            continue
+        u = x + direction * math.floor(d + 0.5)
+        if 0 <= u < width and abs(other_disparity[y, u] - d) <= tolerance:
+            continue
+        values[y, x], out[y, x] = math.nan, OCCLUDED
+        for k in range(smallest, smallest + disparities):
+            u = x + direction * k
+            if 0 <= u < width and abs(other_disparity[y, u] - k) <= tolerance:
+                out[y, x] = MISMATCH
+    return values, out
+
+
 def median(disparity, size):
     """Lower median of the neighbours that have a value; a pixel without stays without."""
     height, width = disparity.shape
@@ -207,26 +226,71 @@ def support(disparity, validity, reach, step, tolerance, slope, share):
     return values, out
 
 
-def census(picture, row_shift):
-    """62 comparisons with the centre as two lists of 31: the first half in reading order, and its mirror image."""
+def vote(disparity, validity, guide, reach, step, alike, least):
+    """Mismatched pixels take the whole disparity that most of their cross of like colour have; slowly, by counting."""
+    height, width = disparity.shape
+    values, out, colours = disparity.copy(), validity.copy(), guide.astype(int)
+
+    def arm(x, y, dx, dy):
+        """The place itself, and those that follow it in one direction."""
+        places = [(x, y)]
+        for k in range(step, reach + 1, step):
+            u, v = x + k * dx, y + k * dy
+            inside = 0 <= u < width and 0 <= v < height
+            if not inside or np.abs(colours[:, v, u] - colours[:, y, x]).max() >= alike:
+                break
+            places.append((u, v))
+        return places
+
+    def both_arms(x, y, dx, dy):
+        return arm(x, y, -dx, -dy)[:0:-1] + arm(x, y, dx, dy)
+
+    for y, x in zip(*np.nonzero(np.isnan(disparity) & (validity & MISMATCH != 0)), strict=True):
+        support = [place for above in both_arms(x, y, 0, 1) for place in both_arms(*above, 1, 0)]
+        votes = [float(disparity[v, u]) for u, v in support if not math.isnan(disparity[v, u])]
+        whole = [math.floor(value + 0.5) for value in votes]
+        if len(votes) < max(least, 1):
+            continue
+        winner = max(set(whole), key=whole.count)
+        backers = [value for value, at in zip(votes, whole, strict=True) if at == winner]
+        if 2 * len(backers) > len(votes):
+            values[y, x] = sum(math.floor(value * 16 + 0.5) for value in backers) / (16 * len(backers))
+            out[y, x] = FILLED
+    return values, out
+
+
+def census(picture):
+    """24 comparisons with the centre as one number, the first of the window in the highest bit."""
     height, width = picture.shape
-    bits = np.zeros((height, width, 2), np.int64)
+    bits = np.zeros((height, width), np.int64)
     for y in range(height):
         for x in range(width):
-            for k in range(31):
-                j, i = k // 9 - 3, k % 9 - 4
-                i += row_shift * j
-                for half, sign in ((0, 1), (1, -1)):
-                    near = picture[clamp(y + sign * j, height), clamp(x + sign * i, width)]
-                    bits[y, x, half] = bits[y, x, half] * 2 + int(near < picture[y, x])
+            for j in range(-2, 3):
+                for i in range(-2, 3):
+                    if (i, j) != (0, 0):
+                        near = picture[clamp(y + j, height), clamp(x + i, width)]
+                        bits[y, x] = bits[y, x] * 2 + int(near < picture[y, x])
     return bits
 
 
-NO_MATCH, UNSEEN = 255, 254
+def guide(picture, levels):
+    """value gain + offset of three planes, rounded to whole levels 0..255; of a grey picture three equal ones."""
+    height, width = picture.shape[:2]
+    out = np.empty((3, height, width))
+    for c in range(3):
+        for y in range(height):
+            for x in range(width):
+                value = float(picture[y, x] if picture.ndim == 2 else picture[y, x, c])
+                level = math.floor(value * levels[2 * c] + levels[2 * c + 1] + 0.5)
+                out[c, y, x] = min(max(level, 0), 255)
+    return out
 
 
-def census_volume(bits, other_bits, validity, other_validity, smallest, disparities, direction):
-    """Hamming distance of the bits, UNSEEN outside of the other picture, NO_MATCH where one is masked."""
+NO_MATCH, UNSEEN = 255, 96
+
+
+def match_cost(bits, other_bits, guide, other_guide, validity, other_validity, smallest, disparities, direction):
+    """Bits and colours that differ, UNSEEN outside of the other picture, NO_MATCH where one is masked."""
     height, width = validity.shape
     cost = np.full((height, width, disparities), NO_MATCH)
     for y in range(height):
@@ -238,9 +302,9 @@ def census_volume(bits, other_bits, validity, other_validity, smallest, disparit
                 if not 0 <= u < width:
                     cost[y, x, i] = UNSEEN
                 elif other_validity[y, u] != MASKED:
-                    cost[y, x, i] = sum(
-                        int(a ^ b).bit_count() for a, b in zip(bits[y, x], other_bits[y, u], strict=True)
-                    )
+                    h = int(bits[y, x] ^ other_bits[y, u]).bit_count()
+                    s = min(48, sum(abs(int(guide[c, y, x]) - int(other_guide[c, y, u])) for c in range(3)))
+                    cost[y, x, i] = (h * (48 - h) * 45 >> 8) + (s * (96 - s) * 5 >> 8)
     return cost
 
 
@@ -331,16 +395,26 @@ def slant(reference, other, disparity, radius, direction, step, largest_slope):
     return values, scores
 
 
-def merge(disparity, score, validity, rival_disparity, rival_score, rival_validity, margin):
-    """The rival where it alone has a value, or scores better by more than margin."""
-    maps = [disparity.copy(), score.copy(), validity.copy()]
-    for y, x in np.ndindex(disparity.shape):
-        if math.isnan(rival_disparity[y, x]):
-            continue
-        if math.isnan(disparity[y, x]) or rival_score[y, x] > score[y, x] + margin:
-            for mine, theirs in zip(maps, (rival_disparity, rival_score, rival_validity), strict=True):
+def merge(maps, rival_maps, radius, margin):
+    """The rival where its lowest sums are lower by more than margin on average around, or where it alone has a value.
+
+    maps, rival_maps: disparity, lowest sum, validity and ratio.
+    """
+    height, width = maps[0].shape
+    merged = [array.copy() for array in maps]
+    counts = ~np.isnan(maps[0]) & ~np.isnan(rival_maps[0])
+    for y, x in np.ndindex(height, width):
+        gains = [
+            float(maps[1][q, p]) - float(rival_maps[1][q, p])
+            for q in range(max(0, y - radius), min(height, y + radius + 1))
+            for p in range(max(0, x - radius), min(width, x + radius + 1))
+            if counts[q, p]
+        ]
+        better = bool(gains) and sum(gains) / len(gains) > margin
+        if not math.isnan(rival_maps[0][y, x]) and (math.isnan(maps[0][y, x]) or better):
+            for mine, theirs in zip(merged, rival_maps, strict=True):
                 mine[y, x] = theirs[y, x]
-    return maps
+    return merged
 
 
 def choose(narrow, wide):
@@ -353,28 +427,45 @@ def choose(narrow, wide):
     return chosen
 
 
-def fill(disparity, validity, reach, tolerance):
-    """Join the ends of short holes along each row; background where the ends differ; nothing at an edge."""
+def fill(disparity, validity, axis, reach, edges, tolerance):
+    """Join the ends of holes along each row (axis 0) or column; background where the ends differ.
+
+    Args:
+        reach: the longest hole that is filled.
+        edges: whether one at the edge of picture or mask takes the end that it has.
+    """
+    if axis:
+        return [array.T for array in fill(disparity.T, validity.T, 0, reach, edges, tolerance)]
     height, width = disparity.shape
     values, out = disparity.copy(), validity.copy()
+
+    def end(y, columns):
+        """The smaller of the first two values within four columns, but none beyond a masked one."""
+        found = []
+        for x in columns:
+            if not 0 <= x < width or validity[y, x] & MASKED:
+                break
+            found += [] if math.isnan(disparity[y, x]) else [disparity[y, x]]
+        return min(found[:2], default=math.nan)
+
     for y in range(height):
         x = 0
         while x < width:
-            if not math.isnan(disparity[y, x]) or validity[y, x] == MASKED:
+            if not math.isnan(disparity[y, x]) or validity[y, x] & MASKED:
                 x += 1
                 continue
-            end = x
-            while end < width and math.isnan(disparity[y, end]) and validity[y, end] != MASKED:
-                end += 1
-            before = disparity[y, x - 1] if x > 0 else math.nan
-            after = disparity[y, end] if end < width else math.nan
-            if end - x <= reach and not math.isnan(before) and not math.isnan(after):
-                for k in range(x, end):
-                    share = (k - x + 1) / (end - x + 1)
-                    joined = abs(after - before) <= tolerance
-                    values[y, k] = before + (after - before) * share if joined else min(before, after)
-                    out[y, k] = FILLED
-            x = end
+            stop = x
+            while stop < width and math.isnan(disparity[y, stop]) and not validity[y, stop] & MASKED:
+                stop += 1
+            ends = end(y, range(x - 1, x - 5, -1)), end(y, range(stop, stop + 4))
+            given = [value for value in ends if not math.isnan(value)]
+            if stop - x <= reach and len(given) + bool(edges) >= 2 and given:
+                for k in range(x, stop):
+                    share = (k - x + 1) / (stop - x + 1)
+                    joined = len(given) == 2 and abs(ends[1] - ends[0]) <= tolerance
+                    values[y, k] = ends[0] + (ends[1] - ends[0]) * share if joined else min(given)
+                    out[y, k] |= FILLED
+            x = stop
     return values, out
 
 
