@@ -25,7 +25,7 @@ from stereo_gpu.kernels.opencl import parameters, source
 _log = logging.getLogger(__name__)
 # The process that asked the drivers first: their threads do not live on in one that is forked off it.
 _process: list[int] = []
-_ELEMENTS = {"float": np.float32, "int": np.int32, "uchar": np.uint8}
+_ELEMENTS = {"float": np.float32, "int": np.int32, "uchar": np.uint8, "ushort": np.uint16}
 _PIXELS = {np.dtype(np.uint8): "uchar", np.dtype(np.uint16): "ushort", np.dtype(np.float32): "float"}
 _INSTALL = "pip install pocl-binary-distribution, or apt-get install pocl-opencl-icd"
 
@@ -109,7 +109,7 @@ class OpenCLBackend(Backend):
         self._device = device
         self._context = cl.Context([device])
         self._queue = cl.CommandQueue(self._context, properties=cl.command_queue_properties.PROFILING_ENABLE)
-        self._events: list[tuple[str, cl.Event]] | None = None
+        self._events: list[tuple[str, list[cl.Event]]] | None = None
         self._simulated = oclgrind.is_oclgrind(device)
         self._kept: list[cl.Buffer] = []
         self._kernels: dict[tuple[str, str], cl.Kernel] = {}
@@ -154,24 +154,30 @@ class OpenCLBackend(Backend):
     def launch(self, kernel: str, **arguments: DeviceArray | int | float) -> None:
         """Run a kernel; arguments by the names in its signature, less those that its geometry decides."""
         plan = self._plan(kernel, arguments)
-        values = {**arguments, **plan.scalars}
+        values = {**arguments, **plan.scalars, "stage": 0}
+        wanted = parameters(kernel)
         with self._lock:
             if plan.scratch_floats:
                 if self._scratch is None or self._scratch.size < plan.scratch_floats * 4:
                     self._scratch = None
                     self._scratch = self._buffer(plan.scratch_floats * 4)
                 values["scratch"] = DeviceArray((plan.scratch_floats,), np.dtype(np.float32), self._scratch)
-            pixel = next((_PIXELS[values[p.name].dtype] for p in parameters(kernel) if p.type == "PIXEL"), "")
+            pixel = next((_PIXELS[values[p.name].dtype] for p in wanted if p.type == "PIXEL"), "")
             program = self._kernel(kernel, pixel)
-            program.set_args(*(self._cast(kernel, p, values) for p in parameters(kernel)))
+            program.set_args(*(self._cast(kernel, p, values) for p in wanted))
+            counter = next((place for place, p in enumerate(wanted) if p.name == "stage"), None)
             local = self._local_size(kernel, plan, program)
             padded = tuple(-(-size // group) * group for size, group in zip(plan.size, local, strict=True))
+            stages = []
             try:
-                event = cl.enqueue_nd_range_kernel(self._queue, program, padded, local)
+                for stage in range(plan.stages):
+                    if counter is not None:
+                        program.set_arg(counter, np.int32(stage))
+                    stages.append(cl.enqueue_nd_range_kernel(self._queue, program, padded, local))
             except cl.Error as error:
                 raise BackendError(f"kernel {kernel} failed on {self.device}: {_first_line(error)}") from error
             if self._events is not None:
-                self._events.append((kernel, event))
+                self._events.append((kernel, stages))
 
     def finish(self) -> None:
         """Wait until all launches are done, and let go of a large scratch."""
@@ -184,14 +190,15 @@ class OpenCLBackend(Backend):
     def device_times(self) -> Iterator[list[tuple[str, float]]]:
         """Collect (kernel, seconds on the device) of every launch inside; the list is full once the block ends."""
         times: list[tuple[str, float]] = []
-        events: list[tuple[str, cl.Event]] = []
+        events: list[tuple[str, list[cl.Event]]] = []
         self._events = events
         try:
             yield times
         finally:
             self._events = None
         self._queue.finish()
-        times += [(kernel, 1e-9 * (event.profile.end - event.profile.start)) for kernel, event in events]
+        for kernel, stages in events:
+            times.append((kernel, 1e-9 * sum(event.profile.end - event.profile.start for event in stages)))
 
     def available_bytes(self) -> tuple[int, int]:
         """Bytes that can still be taken in all, and for one array."""

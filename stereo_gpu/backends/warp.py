@@ -131,7 +131,7 @@ class WarpBackend(Backend):
         """Run a kernel; arguments by the names in its signature, less those that its geometry decides."""
         program = find_program(kernel, self.form)
         plan = self._plan(kernel, arguments)
-        values = {**arguments, **plan.scalars}
+        values: dict[str, Any] = {**arguments, **plan.scalars, "stage": 0}
         with _LOCK:
             if plan.scratch_floats:
                 if self._scratch is None or self._scratch.size < plan.scratch_floats:
@@ -142,18 +142,18 @@ class WarpBackend(Backend):
             missing = [name for name in wanted if name not in values]
             if missing:
                 raise TypeError(f"kernel {kernel} needs {missing[0]}")
-            inputs = [v.handle if isinstance(v := values[name], DeviceArray) else v for name in wanted]
             start = self._now() if self._times is not None else None
             try:
-                # Warp counts axes from the slowest, OpenCL from the fastest.
-                self._run(program, plan, inputs)
+                for stage in range(plan.stages):
+                    values["stage"] = stage
+                    self._run(program, plan, [_handle(values[name]) for name in wanted])
             except RuntimeError as error:
                 raise BackendError(f"kernel {kernel} failed on {self.device}: {error}") from error
             if self._times is not None:
                 self._times.append((kernel, (start, self._now())))
 
     def _run(self, program: Any, plan: Geometry, inputs: list[Any]) -> None:
-        size = plan.size[::-1]
+        size = plan.size[::-1]  # Warp counts axes from the slowest, OpenCL from the fastest
         # Work-items of a group wait for each other, which on the CPU only those of one thread can.
         if self._device.is_cuda or plan.whole or plan.group or self._crew.threads == 1:
             block = plan.group or (256 if self._device.is_cuda else 1)  # 256 and 1 are Warp's own choice
@@ -224,6 +224,11 @@ class WarpBackend(Backend):
             raise MemoryLimitError(
                 f"{self.device} cannot give {size:,} bytes: use a smaller picture or range"
             ) from error
+
+
+def _handle(value: Any) -> Any:
+    """What Warp is given for an argument."""
+    return value.handle if isinstance(value, DeviceArray) else value
 
 
 def _software(kind: Kind) -> tuple[str, str]:
