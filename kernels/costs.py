@@ -51,8 +51,8 @@ def cost(kernel: str, language: str, disparities: int, window: int, rows: int) -
         "ncc_volume": Cost("cell", 4.0 + 28 / disparities, 4.0 * window, 4.0 * window + 6, 12.0 * window + 12),
         # The score, its key to shared memory and back twice; of a pixel the search's end.
         "wta": Cost("cell", 4.0 + 22 / disparities, 3.2, 1.0, 18.0),
-        # Two pairs of words, their difference and its ones; one byte out.
-        "census_volume": Cost("cell", 1.0 + 18 / disparities, 0.0, 0.0, 24.0),
+        # Bits, three colours and validity of two pixels; the ones, three distances and the two parabolas.
+        "match_cost": Cost("cell", 1.0 + 16 / disparities, 0.0, 0.0, 48.0),
         # A byte of cost, the sum in and out; three paths in, one out.
         "aggregate": Cost("cell", 9.0, 4.5, 13.0, 24.0),
         # Three windows of two samples and a value, each with its weights and six sums; the plane's fit.

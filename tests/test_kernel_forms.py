@@ -150,35 +150,55 @@ def test_aggregate(forms, row_slope, disparities, size):
         )
 
 
-@pytest.mark.parametrize("row_shift", [0, 1, -1])
 @pytest.mark.parametrize("size", SIZES)
-def test_census(forms, row_shift, size):
+def test_census(forms, size):
     width, height = size
     assert_same(
         forms,
         "census",
-        {"bits_out": junk((height, width, 2), np.int32)},
+        {"bits_out": junk((height, width), np.int32)},
         picture=np.random.default_rng(6).integers(-9, 9, (height, width)).astype(np.float32),
         width=width,
         height=height,
-        row_shift=row_shift,
+    )
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize("size", SIZES)
+def test_guide(forms, dtype, channels, size):
+    width, height = size
+    most = np.iinfo(dtype).max
+    shape = (height, width) if channels == 1 else (height, width, channels)
+    assert_same(
+        forms,
+        "guide",
+        {"guide_out": junk((3, height, width), np.uint8)},
+        picture=np.random.default_rng(16).integers(0, most + 1, shape).astype(dtype),
+        levels=np.array([400 / most, -60.3, -300 / most, 250.0, 0.0, 128.0], np.float32),
+        width=width,
+        height=height,
+        channels=channels,
     )
 
 
 @pytest.mark.parametrize("direction", [1, -1])
-@pytest.mark.parametrize(("smallest", "disparities"), [(0, 1), (3, 8), (-20, 37), (0, 64), (400, 16)])
-@pytest.mark.parametrize("size", SIZES)
-def test_census_volume(forms, direction, smallest, disparities, size):
+@pytest.mark.parametrize(("smallest", "disparities"), [(0, 1), (3, 8), (-20, 37), (0, 64), (400, 16), (-300, 600)])
+@pytest.mark.parametrize("size", [*SIZES, (530, 3)])
+def test_match_cost(forms, direction, smallest, disparities, size):
     width, height = size
     rng = np.random.default_rng(7)
-    bits = rng.integers(0, 1 << 31, (2, height, width, 2)).astype(np.int32)
+    bits = rng.integers(0, 1 << 24, (2, height, width)).astype(np.int32)
+    guide = rng.integers(90, 140, (2, 3, height, width)).astype(np.uint8)
     validity = np.where(rng.random((2, height, width)) < 0.1, 16, 2).astype(np.uint8)
     assert_same(
         forms,
-        "census_volume",
+        "match_cost",
         {"cost_out": junk((height, width, disparities), np.uint8)},
         reference_bits=bits[0],
         other_bits=bits[1],
+        reference_guide=guide[0],
+        other_guide=guide[1],
         reference_validity=validity[0],
         other_validity=validity[1],
         width=width,

@@ -22,39 +22,6 @@ def picture(seed):
     return np.round(np.clip(cv2.GaussianBlur(noise, (0, 0), 1.0) * 3, -128, 127)).astype(np.float32)
 
 
-@pytest.mark.parametrize("row_shift", [0, 1, -1])
-def test_census(backend, row_shift):
-    source = picture(1)
-    out = junk(backend, (HEIGHT, WIDTH, 2), np.int32)
-    held = backend.upload(source)
-    backend.launch("census", picture=held, width=WIDTH, height=HEIGHT, row_shift=row_shift, bits_out=out)
-    np.testing.assert_array_equal(backend.download(out), reference.census(source, row_shift))
-
-
-@pytest.mark.parametrize(("smallest", "disparities", "direction"), [(0, 9, 1), (-3, 12, -1)])
-def test_census_volume(backend, smallest, disparities, direction):
-    rng = np.random.default_rng(2)
-    bits, other_bits = (rng.integers(0, 1 << 31, (HEIGHT, WIDTH, 2)).astype(np.int32) for _ in range(2))
-    validity, other_validity = (np.where(rng.random((HEIGHT, WIDTH)) < 0.1, 16, 2).astype(np.uint8) for _ in range(2))
-    out = junk(backend, (HEIGHT, WIDTH, disparities), np.uint8)
-    backend.launch(
-        "census_volume",
-        reference_bits=backend.upload(bits),
-        other_bits=backend.upload(other_bits),
-        reference_validity=backend.upload(validity),
-        other_validity=backend.upload(other_validity),
-        width=WIDTH,
-        height=HEIGHT,
-        smallest=smallest,
-        disparities=disparities,
-        direction=direction,
-        cost_out=out,
-    )
-    want = reference.census_volume(bits, other_bits, validity, other_validity, smallest, disparities, direction)
-    np.testing.assert_array_equal(backend.download(out), want)
-    assert {reference.UNSEEN, reference.NO_MATCH} <= set(np.unique(want))
-
-
 @pytest.mark.parametrize("row_slope", [0, 1])
 @pytest.mark.parametrize("step", EIGHT)
 def test_aggregate(backend, step, row_slope):

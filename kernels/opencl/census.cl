@@ -1,29 +1,23 @@
-// Census transform: which pixels of a 9 x 7 window are darker than its centre.
+// Census transform: which pixels of a 5 x 5 window are darker than its centre.
 
-// 62 bits in two numbers of 31, (H, W, 2), the picture's edge repeated (Zabih and Woodfill, ECCV 1994).
-// Each row of the window lies row_shift px further right than the one above it: how the other view sees the
-// square window of a surface whose disparity changes by so much a row.
+// 24 bits, (H, W), in the order of the window, the first one highest; the picture's edge repeated (Zabih and
+// Woodfill, ECCV 1994).
 __kernel void census(
     // In:
     __global const float *picture,
     int width,
     int height,
-    int row_shift,
     // Out:
     __global int *bits_out)
 {
     int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height) return;
-    float centre = picture[y * width + x];
-    int upper = 0, lower = 0;
-    for (int k = 0; k < 31; k++) {
-        // Pixel k of the first half in reading order, and its mirror image through the centre.
-        int row = k / 9 - 3, column = k % 9 - 4 + row_shift * row;
-        float first = picture[clamp_index(y + row, height) * width + clamp_index(x + column, width)];
-        float mirrored = picture[clamp_index(y - row, height) * width + clamp_index(x - column, width)];
-        upper = upper * 2 + (first < centre ? 1 : 0);
-        lower = lower * 2 + (mirrored < centre ? 1 : 0);
+    float centre = picture[(long)y * width + x];
+    int bits = 0;
+    for (int j = -2; j <= 2; j++) {
+        __global const float *row = picture + (long)clamp_index(y + j, height) * width;
+        for (int i = -2; i <= 2; i++)
+            if (i != 0 || j != 0) bits = bits * 2 + (row[clamp_index(x + i, width)] < centre ? 1 : 0);
     }
-    bits_out[(y * width + x) * 2] = upper;
-    bits_out[(y * width + x) * 2 + 1] = lower;
+    bits_out[(long)y * width + x] = bits;
 }

@@ -11,43 +11,37 @@ inline lanes load_repeated(__global const float *row, int x, int width)
 }
 
 // What census.cl computes.
-__kernel void census(
+__kernel __attribute__((min_vector_width(512))) void census(
     // In:
     __global const float *picture,
     int width,
     int height,
-    int row_shift,
     // Out:
     __global int *bits_out)
 {
-    int2 rows = band_of_rows(height);
-    for (int y = rows.x; y < rows.y; y++) {
+    int2 band = band_of_rows(height);
+    for (int y = band.x; y < band.y; y++) {
+        __global const float *rows[5];
+        for (int j = 0; j < 5; j++) rows[j] = picture + (long)clamp_index(y + j - 2, height) * width;
         for (int start = 0; start < width; start += LANES) {
             // The last lanes of a row overlap with those before, where it holds so many.
             int x = start + LANES <= width || width < LANES ? start : width - LANES;
-            lanes centre = load_repeated(picture + (long)y * width, x, width);
-            int_lanes upper = 0, lower = 0;
-            // The first pixel's bit is the highest one, and one place further up than in the end.
-            uint bit = 1u << 31;
-            for (int j = -3; j <= 0; j++) {
-                __global const float *above = picture + (long)clamp_index(y + j, height) * width;
-                __global const float *below = picture + (long)clamp_index(y - j, height) * width;
-                for (int i = -4; i <= (j < 0 ? 4 : -1); i++) {
-                    int column = i + row_shift * j;
-                    int_lanes first = load_repeated(above, x + column, width) < centre;
-                    int_lanes mirrored = load_repeated(below, x - column, width) < centre;
-                    upper |= first & (int)bit;
-                    lower |= mirrored & (int)bit;
-                    bit >>= 1;
-                }
+            int inside = x >= 2 && x + LANES + 2 <= width;
+            lanes centre = load_repeated(rows[2], x, width);
+            int_lanes bits = 0;
+            UNROLL
+            for (int k = 0; k < 25; k++) {
+                if (k == 12) continue;
+                __global const float *row = rows[k / 5];
+                int column = x + k % 5 - 2;
+                lanes near = inside ? *(__global const lanes *)(row + column) : load_repeated(row, column, width);
+                bits |= (near < centre) & (1 << (k < 12 ? 23 - k : 24 - k));
             }
-            upper = (upper >> 1) & 0x7fffffff;
-            lower = (lower >> 1) & 0x7fffffff;
-            __global int *bits = bits_out + ((long)y * width + x) * 2;
-            for (int k = 0; k < LANES && x + k < width; k++) {
-                bits[2 * k] = upper[k];
-                bits[2 * k + 1] = lower[k];
-            }
+            __global int *to = bits_out + (long)y * width + x;
+            if (x + LANES <= width)
+                *(__global int_lanes *)to = bits;
+            else
+                for (int k = 0; x + k < width; k++) to[k] = bits[k];
         }
     }
 }

@@ -1,4 +1,4 @@
-"""Census transform: which pixels of a 9 x 7 window are darker than its centre."""
+"""Census transform: which pixels of a 5 x 5 window are darker than its centre."""
 
 import warp as wp
 
@@ -11,26 +11,20 @@ def census(
     picture: wp.array(dtype=float),
     width: int,
     height: int,
-    row_shift: int,
     # Out:
     bits_out: wp.array(dtype=int),
 ):
-    """62 bits in two numbers of 31, (H, W, 2), the picture's edge repeated (Zabih and Woodfill, ECCV 1994).
+    """24 bits, (H, W), in the order of the window, the first one highest; the picture's edge repeated.
 
-    Each row of the window lies row_shift px further right than the one above it: how the other view sees the
-    square window of a surface whose disparity changes by so much a row.
+    Source: Zabih and Woodfill, ECCV 1994.
     """
     y, x = wp.tid()
     centre = picture[y * width + x]
-    upper = int(0)
-    lower = int(0)
-    for k in range(31):
-        # Pixel k of the first half in reading order, and its mirror image through the centre.
-        row = k // 9 - 3
-        column = k % 9 - 4 + row_shift * row
-        first = picture[wp.clamp(y + row, 0, height - 1) * width + wp.clamp(x + column, 0, width - 1)]
-        mirrored = picture[wp.clamp(y - row, 0, height - 1) * width + wp.clamp(x - column, 0, width - 1)]
-        upper = upper * 2 + wp.where(first < centre, 1, 0)
-        lower = lower * 2 + wp.where(mirrored < centre, 1, 0)
-    bits_out[(y * width + x) * 2] = upper
-    bits_out[(y * width + x) * 2 + 1] = lower
+    bits = int(0)
+    for j in range(-2, 3):
+        row = wp.clamp(y + j, 0, height - 1) * width
+        for i in range(-2, 3):
+            if i != 0 or j != 0:
+                near = picture[row + wp.clamp(x + i, 0, width - 1)]
+                bits = bits * 2 + wp.where(near < centre, 1, 0)
+    bits_out[y * width + x] = bits
