@@ -112,11 +112,11 @@ def _rectifying(colour: bool) -> Stage:
     return stage
 
 
-def _census(device: Backend, scene: BenchScene) -> object:
-    # Not the whole match, which asks for a volume's memory: the census comes before that is taken.
+def _path_view(device: Backend, scene: BenchScene) -> object:
+    # Not the whole match, which asks for a volume's memory: this comes before that is taken.
     everywhere = device.upload(np.ones((scene.height, scene.width), np.uint8))
     options = options_of(Profile.PRECISE, scene)
-    return prepare_path_view(device, device.upload(scene.right), Levels(), everywhere, options)
+    return prepare_path_view(device, device.upload(scene.colour[1]), Levels(), everywhere, options)
 
 
 def _choosing(device: Backend, scene: BenchScene) -> object:
@@ -162,17 +162,19 @@ KERNELS = (
     KernelCase(name="ncc_volume", kernel="ncc_volume", stage=_PAPER, per="cell", operations=_constant(9)),
     # A peak is told from its neighbours, and held against the best and the second best; the other view's winner.
     KernelCase(name="wta", kernel="wta", stage=_PAPER, per="cell", after="ncc_volume", operations=_constant(5)),
-    # Each of 62 bits: a comparison, and its place in the number.
-    KernelCase(name="census", kernel="census", stage=_census, operations=_constant(124)),
-    # Two differences, two counts of bits, their sum.
-    KernelCase(name="census_volume", kernel="census_volume", stage=_PRECISE, per="cell", operations=_constant(5)),
+    # Of each plane a product, two sums, two comparisons.
+    KernelCase(name="guide", kernel="guide", stage=_path_view, operations=_constant(15)),
+    # Each of 24 bits: a comparison, and its place in the number.
+    KernelCase(name="census", kernel="census", stage=_path_view, operations=_constant(48)),
+    # Bits: a difference, a count. Three colours: a difference, its sign, the sum, its end. Two parabolas, their sum.
+    KernelCase(name="match_cost", kernel="match_cost", stage=_PRECISE, per="cell", operations=_constant(20)),
     # Four ways to come from, the smallest of them and of the row, the cost, and the weighted sum.
     KernelCase(
         name="aggregate",
         kernel="aggregate",
         stage=_PRECISE,
         per="cell",
-        after="census_volume",
+        after="match_cost",
         operations=_constant(11),
     ),
     KernelCase(name="merge", kernel="merge", stage=_PRECISE),
