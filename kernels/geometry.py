@@ -211,11 +211,19 @@ def _paths_in_warp(call: Call) -> Geometry:
     return Geometry((lines,), scratch_floats=scratch, alone=True, stages=_paths(call))
 
 
+def _lowest_on_gpu(call: Call) -> Geometry:
+    # As many columns of a row as a group has work-items.
+    tiles = -(-call["width"] // LINE_GROUP)
+    size = (tiles * LINE_GROUP, call["height"]) if call.language == "opencl" else (LINE_GROUP, tiles * call["height"])
+    return Geometry(size, group=LINE_GROUP)
+
+
 # Every kernel that is not here or in the form's table has a work-item a pixel.
 _ON_ALL: dict[str, Callable[[Call], Geometry]] = {
     "aggregate": _paths_on_gpu,
     "bake": _texels,
     "cover": _triangles,
+    "lowest": _lowest_on_gpu,
     "match_cost": _cells,
     "ncc_volume": _volume_strips,
     "ncc_wta": _ncc_winners_on_gpu,
@@ -235,10 +243,13 @@ _ON_CPU: dict[str, dict[str, Callable[[Call], Geometry]]] = {
         "fill": _bands,
         "grey": _bands,
         "guide": _bands,
+        "guided_support": _bands,
+        "lowest": _bands,
         "match_cost": _bands,
         "median": _bands,
         "merge": _bands,
         "ncc_wta": _ncc_winners_in_opencl,
+        "plane_fit": _bands,
         "rectify": _bands,
         "slant": _bands,
         "smooth": _bands,
@@ -252,6 +263,8 @@ _ON_CPU: dict[str, dict[str, Callable[[Call], Geometry]]] = {
         "aggregate": _paths_in_warp,
         "consistency": _rows,
         "grey": _rows,
+        "lowest": _pixels,
+        "match_cost": _rows,
         "median": _rows,
         "ncc_wta": _ncc_winners_in_warp,
         "rectify": _rows,

@@ -9,27 +9,21 @@
 // Every vector holds SHORTS disparities of one pixel; its neighbours one disparity away are shifted together from
 // vectors that lie as they were stored, since a processor cannot take a vector from two stores that are under way.
 #include "lanes.h"
+#include "shorts.h"
 #define NO_MATCH 255
 #define UNSEEN_COST 96
 #define UNMATCHED 60000
 #define BAND 32 // rows of a stage; kernels/geometry.py computes the same,
 #define WIDEST 256 // columns of a strip, and this
-#define SHORTS (2 * LANES)
 #define WALL 8000
 #define INLINE inline __attribute__((always_inline))
-typedef short shorts __attribute__((ext_vector_type(SHORTS), aligned(2)));
-typedef uchar bytes __attribute__((ext_vector_type(SHORTS), aligned(1)));
-
 #if SHORTS == 32
 #define SHIFT(a, b, n) __builtin_shufflevector(a, b, n, n + 1, n + 2, n + 3, n + 4, n + 5, n + 6, n + 7, \
     n + 8, n + 9, n + 10, n + 11, n + 12, n + 13, n + 14, n + 15, n + 16, n + 17, n + 18, n + 19, n + 20, n + 21, \
     n + 22, n + 23, n + 24, n + 25, n + 26, n + 27, n + 28, n + 29, n + 30, n + 31)
-#define NUMBERS (shorts)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25, \
-    26, 27, 28, 29, 30, 31)
 #else
 #define SHIFT(a, b, n) __builtin_shufflevector(a, b, n, n + 1, n + 2, n + 3, n + 4, n + 5, n + 6, n + 7, \
     n + 8, n + 9, n + 10, n + 11, n + 12, n + 13, n + 14, n + 15)
-#define NUMBERS (shorts)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15)
 #endif
 
 // What becomes of the sums.
@@ -47,25 +41,6 @@ typedef struct {
 } Path;
 
 INLINE shorts least(shorts a, shorts b) { return a < b ? a : b; }
-
-// The smallest lane, none of which is negative.
-INLINE int smallest_of(shorts v)
-{
-#if SHORTS == 32
-    short16 sixteen = v.lo < v.hi ? v.lo : v.hi;
-#else
-    short16 sixteen = v;
-#endif
-    short8 few = sixteen.lo < sixteen.hi ? sixteen.lo : sixteen.hi;
-#ifdef __SSE4_1__
-    short8 found = __builtin_ia32_phminposuw128(few); // the smallest one and its place
-    return found[0];
-#else
-    short4 four = few.lo < few.hi ? few.lo : few.hi;
-    short2 two = four.lo < four.hi ? four.lo : four.hi;
-    return two.x < two.y ? two.x : two.y;
-#endif
-}
 
 // Costs of disparities i and on, of which there may be less than SHORTS; room tells how many may be read.
 INLINE shorts load_costs(__global const uchar *own, int room)
@@ -113,7 +88,7 @@ INLINE void settle(__global ushort *sum, shorts total, shorts unmatched, int i, 
         shorts value = total;
         if (mode >= ADD) value += *held;
         if (mode == FINISH) value = unmatched ? (shorts)(short)(UNMATCHED - 65536) : value;
-        if (i + SHORTS > disparities) value = NUMBERS < (short)(disparities - i) ? value : *held;
+        if (i + SHORTS > disparities) value = NUMBERS(shorts) < (short)(disparities - i) ? value : *held;
         *held = value;
     } else {
         for (int k = 0; i + k < disparities; k++) {
@@ -139,13 +114,13 @@ INLINE int walk(
         paid = unmatched ? (shorts)UNSEEN_COST : paid;
         shorts found = arrive(path, paid, before, here, after, i, shift);
         settle(sum, found, unmatched, i, disparities, room, mode);
-        if (i + SHORTS > disparities) found = NUMBERS < (short)(disparities - i) ? found : (shorts)WALL;
+        if (i + SHORTS > disparities) found = NUMBERS(shorts) < (short)(disparities - i) ? found : (shorts)WALL;
         *(__global shorts *)(path.to + i) = found;
         low = least(low, found);
         before = here;
         here = after;
     }
-    return smallest_of(low);
+    return smallest_of(__builtin_astype(low, ushorts));
 }
 
 // Walk three paths through a pixel, and add them all to the sums; the cheapest L of each stands behind its L.
@@ -170,7 +145,7 @@ INLINE void walk_three(
         shorts found_c = arrive(c, paid, before_c, here_c, after_c, i, shift);
         settle(sum, found_a + found_b + found_c, paid, i, disparities, room, ADD);
         if (i + SHORTS > disparities) {
-            shorts inside = NUMBERS < (short)(disparities - i);
+            shorts inside = NUMBERS(shorts) < (short)(disparities - i);
             found_a = inside ? found_a : (shorts)WALL;
             found_b = inside ? found_b : (shorts)WALL;
             found_c = inside ? found_c : (shorts)WALL;
@@ -188,9 +163,9 @@ INLINE void walk_three(
         here_b = after_b;
         here_c = after_c;
     }
-    a.to[padded] = smallest_of(low_a);
-    b.to[padded] = smallest_of(low_b);
-    c.to[padded] = smallest_of(low_c);
+    a.to[padded] = smallest_of(__builtin_astype(low_a, ushorts));
+    b.to[padded] = smallest_of(__builtin_astype(low_b, ushorts));
+    c.to[padded] = smallest_of(__builtin_astype(low_c, ushorts));
 }
 
 // Whether the guide changes by an edge from pixel - step to pixel, for count pixels from one on.
