@@ -70,7 +70,16 @@ def complete(backend: Backend, found: Winners, options: MatchOptions) -> Winners
     """Drop what its surroundings do not share, fill small holes, and filter again, as the options ask for."""
     found = drop_lonely(backend, found, options)
     if options.fill_reach:
-        found = launch_on_map(backend, "fill", found, reach=options.fill_reach, tolerance=options.same_surface_px)
+        found = launch_on_map(
+            backend,
+            "fill",
+            found,
+            axis=0,
+            reach=options.fill_reach,
+            near=1,
+            edges=0,
+            tolerance=options.same_surface_px,
+        )
         found = filter_median(backend, found, options)
     return found
 

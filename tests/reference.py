@@ -259,6 +259,65 @@ def vote(disparity, validity, guide, reach, step, alike, least):
     return values, out
 
 
+def likeness(guide, x, y, u, v):
+    """(1 - s / 240)^8, s being the sum over three planes of |difference| of two pixels; 0 from 240 on."""
+    s = int(np.abs(guide[:, y, x].astype(int) - guide[:, v, u]).sum())
+    return max(0.0, 1 - s / 240) ** 8
+
+
+def on_grid(shape, validity, x, y, reach, step):
+    """Offsets of the pixels around (x, y), every step-th within reach, that are in the picture and not masked."""
+    offsets = range(-(reach // step) * step, reach + 1, step)
+    around = [(i, j) for j in offsets for i in offsets if 0 <= y + j < shape[0] and 0 <= x + i < shape[1]]
+    return [(i, j) for i, j in around if not validity[y + j, x + i] & MASKED]
+
+
+def guided_support(disparity, validity, guide, reach, step, tolerance, slope, share):
+    """Keep values that at least share of what looks alike around them has; a hole counts a quarter, against them."""
+    values, out = disparity.copy(), validity.copy()
+    for y, x in np.ndindex(disparity.shape):
+        if math.isnan(disparity[y, x]) or validity[y, x] & MASKED:
+            continue
+        total = agreeing = 0.0
+        for i, j in on_grid(disparity.shape, validity, x, y, reach, step):
+            weight = likeness(guide, x, y, x + i, y + j)
+            apart = abs(disparity[y + j, x + i] - disparity[y, x])
+            total += weight * (0.25 if math.isnan(apart) else 1)
+            agreeing += weight * (apart <= tolerance + slope * max(abs(i), abs(j)))
+        if agreeing < share * total:
+            values[y, x] = math.nan
+            out[y, x] |= MISMATCH
+    return values, out
+
+
+def plane_fit(disparity, validity, guide, reach, step, tolerance, slope, largest_slope):
+    """Weighted least squares for v = c + a dx + b dy, where a and b have a prior of weight n / 2 to be 0; twice."""
+    out = disparity.copy()
+    for y, x in np.ndindex(disparity.shape):
+        if math.isnan(disparity[y, x]) or validity[y, x] & MASKED:
+            continue
+        c = a = b = 0.0
+        for grows in (slope, 0.0):
+            rows = []
+            for i, j in on_grid(disparity.shape, validity, x, y, reach, step):
+                v = disparity[y + j, x + i] - disparity[y, x]
+                u = (v - c - a * i - b * j) / (tolerance + grows * max(abs(i), abs(j)))
+                if abs(u) < 1:
+                    rows.append((likeness(guide, x, y, x + i, y + j) * (1 - u * u) ** 2, i, j, v))
+            w, i, j, v = np.array(rows).reshape(-1, 4).T
+            if w.sum() < 3:
+                break
+            means = [(w * t).sum() / w.sum() for t in (i, j, v)]
+            design = np.sqrt(w)[:, None] * np.column_stack([i - means[0], j - means[1]])
+            design = np.vstack([design, math.sqrt(w.sum() / 2) * np.eye(2)])
+            slopes = np.linalg.lstsq(design, np.concatenate([np.sqrt(w) * (v - means[2]), [0, 0]]), rcond=None)[0]
+            a, b = np.where(np.abs(slopes) <= largest_slope, slopes, 0)
+            c = means[2] - a * means[0] - b * means[1]
+        if abs(c) <= tolerance:
+            out[y, x] = disparity[y, x] + c
+    return out
+
+
 def census(picture):
     """24 comparisons with the centre as one number, the first of the window in the highest bit."""
     height, width = picture.shape
@@ -427,20 +486,21 @@ def choose(narrow, wide):
     return chosen
 
 
-def fill(disparity, validity, axis, reach, edges, tolerance):
+def fill(disparity, validity, axis, reach, near, edges, tolerance):
     """Join the ends of holes along each row (axis 0) or column; background where the ends differ.
 
     Args:
         reach: the longest hole that is filled.
+        near: of the first two values in so many places next to a hole the smaller is its end.
         edges: whether one at the edge of picture or mask takes the end that it has.
     """
     if axis:
-        return [array.T for array in fill(disparity.T, validity.T, 0, reach, edges, tolerance)]
+        return [array.T for array in fill(disparity.T, validity.T, 0, reach, near, edges, tolerance)]
     height, width = disparity.shape
     values, out = disparity.copy(), validity.copy()
 
     def end(y, columns):
-        """The smaller of the first two values within four columns, but none beyond a masked one."""
+        """The smaller of the first two values in these columns, but none beyond a masked one."""
         found = []
         for x in columns:
             if not 0 <= x < width or validity[y, x] & MASKED:
@@ -457,7 +517,7 @@ def fill(disparity, validity, axis, reach, edges, tolerance):
             stop = x
             while stop < width and math.isnan(disparity[y, stop]) and not validity[y, stop] & MASKED:
                 stop += 1
-            ends = end(y, range(x - 1, x - 5, -1)), end(y, range(stop, stop + 4))
+            ends = end(y, range(x - 1, x - 1 - near, -1)), end(y, range(stop, stop + near))
             given = [value for value in ends if not math.isnan(value)]
             if stop - x <= reach and len(given) + bool(edges) >= 2 and given:
                 for k in range(x, stop):

@@ -164,7 +164,7 @@ def test_mask_leaves_pixels_out():
 def test_validity_and_values_tell_the_same():
     left, right, _ = textured_pair(200, 150)
     found = match(left, right, disparities=(0, 40))
-    has_value = (found.validity == 0) | (found.validity == Validity.FILLED)
+    has_value = (found.validity == 0) | ((found.validity & Validity.FILLED) != 0)
     np.testing.assert_array_equal(has_value, np.isfinite(found.values))
     assert found.confidence.min() >= 0 and found.confidence.max() <= 1
 

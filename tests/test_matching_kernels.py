@@ -300,25 +300,97 @@ def test_choose(backend, shape):
         np.testing.assert_array_equal(backend.download(got), want)
 
 
-@pytest.mark.parametrize("shape", SHAPES)
-@pytest.mark.parametrize("missing", [0.05, 0.3, 0.9])
-@pytest.mark.parametrize("reach", [1, 4, 100])
-def test_fill(backend, shape, missing, reach):
-    values, validity = maps(shape, missing)
-    got = refined(backend, "fill", values, validity, reach=reach, tolerance=1.0)
-    want = reference.fill(values, validity, reach, 1.0)
-    np.testing.assert_allclose(got[0], want[0], rtol=1e-6)
+# The last one is wider than the stretch of a row that the form for CPUs takes at a time.
+@pytest.mark.parametrize("shape", [*SHAPES, (3, 2700)])
+@pytest.mark.parametrize("radius", [0, 1, 4, 32])
+def test_merge(backend, shape, radius):
+    rng = np.random.default_rng(7)
+
+    def summed(seed, missing):
+        values, validity = maps(shape, missing)
+        lowest = (rng.integers(0, 4400, shape) // 8).astype(np.float32)
+        return [np.roll(values, seed, axis=1), lowest, np.roll(validity, seed, axis=1), rng.random(shape, np.float32)]
+
+    ours, rivals = summed(0, 0.2), summed(1, 0.4)
+    names = ("disparity", "lowest", "validity", "ratio")
+    out = {f"{name}_out": junk(backend, shape, array.dtype) for name, array in zip(names, ours, strict=True)}
+    backend.launch(
+        "merge",
+        **{name: backend.upload(array) for name, array in zip(names, ours, strict=True)},
+        **{f"rival_{name}": backend.upload(array) for name, array in zip(names, rivals, strict=True)},
+        width=shape[1],
+        height=shape[0],
+        radius=radius,
+        margin=3.0,
+        **out,
+    )
+    want = reference.merge(ours, rivals, radius, 3.0)
+    for name, array in zip(names, want, strict=True):
+        np.testing.assert_array_equal(backend.download(out[f"{name}_out"]), array, err_msg=name)
+    if shape == (HEIGHT, WIDTH):
+        chosen = want[3] == rivals[3]
+        assert chosen.any() and not chosen.all()
+
+
+@pytest.mark.parametrize("shape", [*SHAPES, (2, 2700)])
+@pytest.mark.parametrize(("direction", "smallest"), [(1, 0), (-1, 0), (1, -5), (-1, 3)])
+@pytest.mark.parametrize("tolerance", [0.0, 0.75, 2.5])
+def test_agree(backend, shape, direction, smallest, tolerance):
+    values, validity = maps(shape)
+    rng = np.random.default_rng(6)
+    other = rng.uniform(smallest, smallest + 20, shape).astype(np.float32)
+    # Some agree, some of them just, and some sit on whole disparities.
+    y, x = np.nonzero(~np.isnan(values) & (rng.random(shape) < 0.6))
+    u = x + direction * np.floor(values[y, x] + 0.5).astype(int)
+    inside = (u >= 0) & (u < shape[1])
+    other[y[inside], u[inside]] = values[y[inside], x[inside]] + rng.choice([0, 0.75, -0.75, 1.0], inside.sum())
+    other[rng.random(shape) < 0.3] = np.nan
+    other = np.where(rng.random(shape) < 0.1, np.round(other), other).astype(np.float32)
+    numbers = {"smallest": smallest, "disparities": 20, "direction": direction, "tolerance": tolerance}
+    got = refined(backend, "agree", values, validity, other_disparity=backend.upload(other), **numbers)
+    want = reference.agree(values, validity, other, smallest, 20, direction, tolerance)
+    np.testing.assert_array_equal(got[0], want[0])
     np.testing.assert_array_equal(got[1], want[1])
     if shape == (HEIGHT, WIDTH):
-        assert (want[1] == reference.FILLED).any()
+        assert {0, reference.OCCLUDED, reference.MISMATCH, reference.MASKED} <= set(np.unique(want[1]))
 
 
-def test_fill_mirrors(backend):
+@pytest.mark.parametrize("shape", [*SHAPES, (3, 2700)])
+@pytest.mark.parametrize("missing", [0.0, 0.05, 0.3, 0.9])
+@pytest.mark.parametrize("reach", [1, 4, 1 << 30])
+@pytest.mark.parametrize(("near", "edges"), [(1, 0), (4, 1), (2, 0)])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_fill(backend, shape, missing, reach, near, edges, axis):
+    values, validity = maps(shape, missing)
+    values[shape[0] // 2] = np.nan
+    validity[shape[0] // 2] = reference.TEXTURELESS
+    numbers = {"axis": axis, "reach": reach, "near": near, "edges": edges, "tolerance": 1.0}
+    got = refined(backend, "fill", values, validity, **numbers)
+    want = reference.fill(values, validity, **numbers)
+    np.testing.assert_allclose(got[0], want[0], rtol=1e-6)
+    np.testing.assert_array_equal(got[1], want[1])
+    if shape == (HEIGHT, WIDTH) and (missing or axis):
+        assert (want[1] & reference.FILLED).any()
+
+
+@pytest.mark.parametrize("edges", [0, 1])
+def test_fill_mirrors(backend, edges):
     values, validity = maps()
-    plain = refined(backend, "fill", values, validity, reach=20, tolerance=2.0)
-    mirrored = refined(backend, "fill", values[:, ::-1], validity[:, ::-1], reach=20, tolerance=2.0)
+    numbers = {"axis": 0, "reach": 20, "near": 4, "edges": edges, "tolerance": 2.0}
+    plain = refined(backend, "fill", values, validity, **numbers)
+    mirrored = refined(backend, "fill", values[:, ::-1], validity[:, ::-1], **numbers)
     for one, two in zip(plain, mirrored, strict=True):
         np.testing.assert_array_equal(one, two[:, ::-1])
+
+
+def test_fill_leaves_no_hole(backend):
+    values, validity = maps((9, 40), 0.5)
+    values[3:5] = np.nan  # rows in which there is nothing to take
+    numbers = {"reach": 1 << 30, "near": 4, "edges": 1, "tolerance": 1.0}
+    rows = refined(backend, "fill", values, validity, axis=0, **numbers)
+    assert np.isnan(rows[0][3:5]).all()
+    whole = refined(backend, "fill", *rows, axis=1, **numbers)
+    np.testing.assert_array_equal(np.isnan(whole[0]), (validity & reference.MASKED) != 0)
 
 
 @pytest.mark.parametrize("shape", SHAPES)

@@ -1,4 +1,4 @@
-"""Census, semi-global aggregation, leaning windows and merge against the loops in reference.py, on every device."""
+"""Census, semi-global aggregation, and leaning windows against the loops in reference.py, on every device."""
 
 import cv2
 import numpy as np
@@ -84,27 +84,3 @@ def test_slant(backend, direction):
     assert (np.abs(values - want)[given] > SLANT_TOLERANCE).mean() <= SHARE_OF_FLIPS
     assert (np.abs(scores - want_scores) > SLANT_TOLERANCE).mean() <= SHARE_OF_FLIPS
     assert (want_scores[given] > 0.7).any()
-
-
-def test_merge(backend):
-    rng = np.random.default_rng(7)
-    maps = []
-    for _ in range(2):
-        values = rng.uniform(0, 9, (HEIGHT, WIDTH)).astype(np.float32)
-        values[rng.random(values.shape) < 0.3] = np.nan
-        score = rng.random(values.shape).astype(np.float32)
-        maps += [values, score, np.where(np.isnan(values), 4, 0).astype(np.uint8)]
-    outputs = [junk(backend, (HEIGHT, WIDTH), t) for t in (np.float32, np.float32, np.uint8)]
-    names = ["disparity", "score", "validity", "rival_disparity", "rival_score", "rival_validity"]
-    backend.launch(
-        "merge",
-        **{name: backend.upload(array) for name, array in zip(names, maps, strict=True)},
-        width=WIDTH,
-        height=HEIGHT,
-        margin=0.125,
-        disparity_out=outputs[0],
-        score_out=outputs[1],
-        validity_out=outputs[2],
-    )
-    for got, want in zip(outputs, reference.merge(*maps, np.float32(0.125)), strict=True):
-        np.testing.assert_array_equal(backend.download(got), want)

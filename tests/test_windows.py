@@ -100,7 +100,7 @@ def test_auto_says_what_it_did(device):
     given = np.isfinite(found.values)
     assert (np.abs(found.values - truth)[given & counted] < 1).mean() > 0.85
     # A value has no reason to be missing, and what is missing has one.
-    np.testing.assert_array_equal(given, (found.validity & ~Validity.FILLED) == 0)
+    np.testing.assert_array_equal(given, (found.validity == 0) | ((found.validity & Validity.FILLED) != 0))
     assert (found.validity[:, :20] == Validity.MASKED).all()
     assert ((found.confidence > 0) <= given).all() and found.confidence.max() > 0.9
     # The same with pictures and result mirrored.

@@ -1,37 +1,79 @@
-"""Fill small holes along the row."""
+"""Fill holes along rows or columns."""
 
 import warp as wp
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
-MASKED = wp.constant(16)
-FILLED = wp.constant(32)
+MASKED = wp.constant(wp.uint8(16))
+FILLED = wp.constant(wp.uint8(32))
 
 
 @wp.func
-def usable(validity: wp.array(dtype=wp.uint8), row: int, column: int, width: int) -> bool:
-    """Whether a column lies in the picture and the mask."""
-    if column < 0 or column >= width:
+def usable(validity: wp.array(dtype=wp.uint8), start: int, at: int, stride: int, length: int) -> bool:
+    """Whether a place of a line, a row or a column, lies in the picture and the mask."""
+    if at < 0 or at >= length:
         return False
-    return validity[row + column] != wp.uint8(MASKED)
-
-
-@wp.func
-def value_at(
-    disparity: wp.array(dtype=float), validity: wp.array(dtype=wp.uint8), row: int, column: int, width: int
-) -> float:
-    """The disparity there, NaN outside of picture or mask."""
-    if usable(validity, row, column, width):
-        return disparity[row + column]
-    return wp.nan
+    return (validity[start + at * stride] & MASKED) == wp.uint8(0)
 
 
 @wp.func
 def empty(
-    disparity: wp.array(dtype=float), validity: wp.array(dtype=wp.uint8), row: int, column: int, width: int
+    disparity: wp.array(dtype=float),
+    validity: wp.array(dtype=wp.uint8),
+    start: int,
+    at: int,
+    stride: int,
+    length: int,
 ) -> bool:
-    """Whether a column belongs to a hole: usable, but without a value."""
-    return usable(validity, row, column, width) and wp.isnan(disparity[row + column])
+    """Whether a place of a line belongs to a hole: usable, but without a value."""
+    return usable(validity, start, at, stride, length) and wp.isnan(disparity[start + at * stride])
+
+
+@wp.func
+def end_of(
+    disparity: wp.array(dtype=float),
+    validity: wp.array(dtype=wp.uint8),
+    start: int,
+    at: int,
+    step: int,
+    stride: int,
+    length: int,
+    near: int,
+) -> float:
+    """The disparity with which a hole ends at a place of a line that goes on from there in steps of 1 or -1.
+
+    NaN at the edge of picture or mask.
+    """
+    if not usable(validity, start, at, stride, length):
+        return wp.nan
+    value = disparity[start + at * stride]
+    for i in range(1, near):
+        if not usable(validity, start, at + i * step, stride, length):
+            return value
+        following = disparity[start + (at + i * step) * stride]
+        if not wp.isnan(following):
+            return wp.min(value, following)
+    return value
+
+
+@wp.func
+def between(before: float, after: float, from_before: int, from_after: int, edges: int, tolerance: float) -> float:
+    """What a hole's pixel takes, so many steps from the hole's ends; NaN if nothing."""
+    if wp.isnan(before) or wp.isnan(after):
+        if edges == 0:
+            return wp.nan
+        if wp.isnan(before):
+            return after
+        return before
+    # Counted from the lower end, so that a mirrored picture rounds alike.
+    steps = from_after
+    if before < after:
+        steps = from_before
+    low = wp.min(before, after)
+    rise = wp.max(before, after) - low
+    if rise <= tolerance:
+        return low + rise * (float(steps) / float(from_before + from_after))
+    return low
 
 
 @wp.kernel
@@ -41,43 +83,48 @@ def fill(
     validity: wp.array(dtype=wp.uint8),
     width: int,
     height: int,
+    axis: int,
     reach: int,
+    near: int,
+    edges: int,
     tolerance: float,
     # Out:
     disparity_out: wp.array(dtype=float),
     validity_out: wp.array(dtype=wp.uint8),
 ):
-    """Give a value to holes of at most reach pixels in a row; a filled pixel carries FILLED.
+    """Give a value to holes of at most reach pixels in a row (axis 0) or column (axis 1).
 
-    Ends that agree to tolerance px are joined by a line; else the hole is background that the nearer surface
-    hides from the other camera, and takes the smaller disparity. A hole that ends at the picture's or the
-    mask's edge stays: nothing tells what is there.
+    A filled pixel carries FILLED beside the reason it had. A hole's end is the smaller of the first two values in
+    the `near` places next to it, or with near = 1 the value at its end: what lies at a jump is often wrong. Ends that
+    agree to tolerance px are joined by a line; else the hole is background that the nearer surface hides from the
+    other camera, and takes the smaller end. A hole that ends at the picture's or the mask's edge stays, or with
+    edges != 0 takes the end that it has.
     """
     y, x = wp.tid()
     pixel = y * width + x
     disparity_out[pixel] = disparity[pixel]
     validity_out[pixel] = validity[pixel]
-    if not wp.isnan(disparity[pixel]) or validity[pixel] == wp.uint8(MASKED):
+    if not wp.isnan(disparity[pixel]) or (validity[pixel] & MASKED) != wp.uint8(0):
         return
+    at = int(x)
+    length = width
+    stride = int(1)
+    if axis != 0:
+        at = y
+        length = height
+        stride = width
+    start = pixel - at * stride
     left = int(1)
-    while left <= reach and empty(disparity, validity, y * width, x - left, width):
+    while left <= reach and empty(disparity, validity, start, at - left, stride, length):
         left += 1
     right = int(1)
-    while right <= reach and empty(disparity, validity, y * width, x + right, width):
+    while right <= reach and empty(disparity, validity, start, at + right, stride, length):
         right += 1
     if left + right - 1 > reach:
         return
-    before = value_at(disparity, validity, y * width, x - left, width)
-    after = value_at(disparity, validity, y * width, x + right, width)
-    if wp.isnan(before) or wp.isnan(after):
-        return
-    # Counted from the lower end, so that a mirrored picture rounds alike.
-    value = wp.min(before, after)
-    rise = wp.max(before, after) - value
-    if rise <= tolerance:
-        steps = right
-        if before < after:
-            steps = left
-        value += rise * (float(steps) / float(left + right))
-    disparity_out[pixel] = value
-    validity_out[pixel] = wp.uint8(FILLED)
+    before = end_of(disparity, validity, start, at - left, -1, stride, length, near)
+    after = end_of(disparity, validity, start, at + right, 1, stride, length, near)
+    value = between(before, after, left, right, edges, tolerance)
+    if not wp.isnan(value):
+        disparity_out[pixel] = value
+        validity_out[pixel] = validity[pixel] | FILLED
