@@ -207,6 +207,8 @@ KERNELS = (
     KernelCase(name="consistency", kernel="consistency", stage=_FAST, peer=peers.VALIDATE),
     KernelCase(name="median", kernel="median", stage=_FAST, peer=peers.MEDIAN_BLUR),
     KernelCase(name="support", kernel="support", stage=_FAST),
+    KernelCase(name="guided_support", kernel="guided_support", stage=_PRECISE, after="aggregate"),
+    KernelCase(name="plane_fit", kernel="plane_fit", stage=_PRECISE, after="aggregate"),
     KernelCase(name="choose", kernel="choose", stage=_choosing),
     KernelCase(name="fill", kernel="fill", stage=_FAST),
     KernelCase(name="confidence", kernel="confidence", stage=_downloading, operations=_constant(6)),
