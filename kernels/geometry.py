@@ -266,6 +266,7 @@ _ON_CPU: dict[str, dict[str, Callable[[Call], Geometry]]] = {
         "lowest": _pixels,
         "match_cost": _rows,
         "median": _rows,
+        "merge": _rows,
         "ncc_wta": _ncc_winners_in_warp,
         "rectify": _rows,
         "slant": _rows,

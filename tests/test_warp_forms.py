@@ -115,6 +115,27 @@ def test_consistency(shape, smallest, disparities, direction):
 
 
 @pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize(
+    ("smallest", "disparities", "direction"), [(0, 1, 1), (-20, 37, -1), (3, 300, 1), (-99, 530, -1)]
+)
+def test_match_cost(shape, smallest, disparities, direction):
+    rng = np.random.default_rng(8)
+    bits = rng.integers(0, 1 << 24, (2, *shape)).astype(np.int32)
+    guide = rng.integers(90, 140, (2, 3, *shape)).astype(np.uint8)
+    validity = np.where(rng.random((2, *shape)) < 0.1, 16, 0).astype(np.uint8)
+    arrays = {
+        "reference_bits": bits[0],
+        "other_bits": bits[1],
+        "reference_guide": guide[0],
+        "other_guide": guide[1],
+        "reference_validity": validity[0],
+        "other_validity": validity[1],
+    }
+    search = {"smallest": smallest, "disparities": disparities, "direction": direction}
+    same("match_cost", shape, {"cost_out": junk((*shape, disparities), np.uint8)}, arrays, **search)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("direction", [1, -1])
 def test_slant_and_triangulate(shape, direction):
     outputs = {"disparity_out": junk(shape), "score_out": junk(shape)}
