@@ -43,11 +43,11 @@ def add_pair_product(total: int, ours: int, theirs: int) -> int:
 @wp.func_native("""
 #if defined(__CUDA_ARCH__)
     for (int step = 16; step > 0; step /= 2)
-        value = fminf(value, __shfl_xor_sync(0xffffffff, value, step));
+        value = min(value, __shfl_xor_sync(0xffffffff, value, step));
 #endif
     return value;
 """)
-def lowest_of_warp(value: float) -> float:
+def lowest_of_warp(value: int) -> int:
     """The lowest value of the `warp_size` threads beside this one; all threads of the block take part."""
     ...
 
