@@ -32,7 +32,7 @@ class Validity(IntFlag):
     OCCLUDED = 4  # the other camera cannot see it
     MISMATCH = 8  # the other view disagrees
     MASKED = 16  # outside the mask or outside the camera's picture
-    FILLED = 32  # has a value, taken from its neighbours
+    FILLED = 32  # has a value, taken from its neighbours; another bit says why it had none of its own
 
 
 class View(StrEnum):

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 from conftest import missing
-from test_matching_kernels import junk, prepared, winners
+from test_matching_kernels import HEIGHT, WIDTH, junk, maps, prepared, winners
 
 from stereo_gpu.errors import BackendError
 
@@ -106,3 +106,38 @@ def test_aggregate(name, step, disparities):
         sums.append(backend.download(volume))
     np.testing.assert_array_equal(*sums)
     assert (sums[0] != start).any()
+
+
+@pytest.mark.parametrize("kernel", ["merge", "agree", "fill"])
+@pytest.mark.parametrize("shape", [(HEIGHT, WIDTH), (1, 1), (7, 300), (41, 3)])
+@pytest.mark.parametrize("name", ["opencl", "warp:cpu"])
+def test_maps(name, shape, kernel):
+    rng = np.random.default_rng(8)
+    values, validity = maps(shape)
+    other, _ = maps(shape, 0.4)
+    given = {"disparity": values, "validity": validity}
+    numbers = {"width": shape[1], "height": shape[0]}
+    outputs = ["disparity"]
+    if kernel == "merge":
+        sums = {name: rng.integers(0, 4400, shape).astype(np.float32) for name in ("lowest", "ratio")}
+        rivals = {"disparity": other, "lowest": sums["ratio"], "validity": validity ^ 1, "ratio": sums["lowest"]}
+        given |= sums | {f"rival_{name}": array for name, array in rivals.items()}
+        numbers |= {"radius": 4, "margin": 3.0}
+        outputs += ["lowest", "ratio"]
+    elif kernel == "agree":
+        given |= {"other_disparity": other + 1}
+        numbers |= {"smallest": -3, "disparities": 40, "direction": -1, "tolerance": 0.75}
+    else:
+        numbers |= {"axis": 0, "reach": 1 << 30, "near": 4, "edges": 1, "tolerance": 1.0}
+    for axis in (0, 1) if kernel == "fill" else (0,):
+        found = []
+        for form in ("gpu", "cpu"):
+            backend = opened(name, form)
+            out = {f"{output}_out": junk(backend, shape, np.float32) for output in outputs}
+            out["validity_out"] = junk(backend, shape, np.uint8)
+            held = {key: backend.upload(array) for key, array in given.items()}
+            backend.launch(kernel, **held, **(numbers | {"axis": axis} if kernel == "fill" else numbers), **out)
+            found.append(downloaded(backend, out))
+        for output, array in found[0].items():
+            np.testing.assert_array_equal(array, found[1][output], err_msg=output)
+        assert (found[0]["validity_out"] != validity).any() or shape == (1, 1)

@@ -177,7 +177,8 @@ KERNELS = (
         after="match_cost",
         operations=_constant(11),
     ),
-    KernelCase(name="merge", kernel="merge", stage=_PRECISE),
+    KernelCase(name="merge", kernel="merge", stage=_PRECISE, after="aggregate"),
+    KernelCase(name="agree", kernel="agree", stage=_PRECISE, peer=peers.VALIDATE, after="aggregate"),
     KernelCase(name="rectify", kernel="rectify", stage=_rectifying(colour=False), peer=peers.REMAP),
     KernelCase(name="rectify RGB", kernel="rectify", stage=_rectifying(colour=True), peer=peers.REMAP_COLOUR),
     KernelCase(
