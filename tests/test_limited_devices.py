@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import test_geometry_kernels
+import test_match_cost
 import test_matching_kernels
 import test_smooth_path_kernels
 from conftest import missing
@@ -54,7 +55,7 @@ def backend(request):
 
 def kernel_tests():
     found = {}
-    for module in (test_geometry_kernels, test_matching_kernels, test_smooth_path_kernels):
+    for module in (test_geometry_kernels, test_match_cost, test_matching_kernels, test_smooth_path_kernels):
         for name, test in vars(module).items():
             if name.startswith("test_") and "backend" in inspect.signature(test).parameters:
                 assert name not in found, f"two kernel tests are called {name}"
