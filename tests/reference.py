@@ -133,6 +133,15 @@ def wta(volume, validity, smallest, direction, subpixel):
     return disparity, score, ratio, out, other
 
 
+def certainty(ratio, validity, doubt):
+    """The less the closer the runner-up comes; 0 where the pixel is not good."""
+    out = np.zeros(ratio.shape, np.float32)
+    for y, x in np.ndindex(*ratio.shape):
+        if validity[y, x] == 0:
+            out[y, x] = 1 - doubt * (ratio[y, x] ** 3 if ratio[y, x] < 1 else 1)
+    return out
+
+
 def confidence(score, ratio, validity, weight):
     """The score within 0..1, less the closer the runner-up comes to it; 0 where the pixel is not good."""
     out = np.zeros(score.shape)
@@ -367,31 +376,63 @@ def match_cost(bits, other_bits, guide, other_guide, validity, other_validity, s
     return cost
 
 
-def aggregate(cost, picture, step_x, step_y, row_slope, small, large, at_edge, edge):
-    """What one direction adds to the volume: how much cheaper than the dearest path each path is."""
+UNMATCHED = 60000
+
+
+def aggregate(cost, guide, heading, row_slope, penalties, edge_penalties, edge, sums):
+    """The sums once the paths of a heading are set (heading 0) or added to them, in whole numbers.
+
+    penalties, edge_penalties: of a change by one disparity and of a larger one, and where the guide changes by `edge`.
+    """
     height, width, disparities = cost.shape
-    paths, added = {}, np.zeros(cost.shape)
-    ys = range(height) if step_y >= 0 else range(height - 1, -1, -1)
-    xs = range(width) if step_x >= 0 else range(width - 1, -1, -1)
-    for y in ys:
-        for x in xs:
-            q = (x - step_x, y - step_y)
-            path = [20.0 if c == UNSEEN else float(min(c, 62)) for c in cost[y, x]]
-            if q in paths:
-                old = paths[q]
-                changed = abs(float(picture[y, x]) - float(picture[q[1], q[0]])) > edge
-                for i in range(disparities):
-                    ways = [min(old) + (at_edge if changed else large)]
-                    for off, penalty in ((0, 0.0), (-1, small), (1, small)):
-                        e = i - row_slope * step_y + off
-                        if 0 <= e < disparities:
-                            ways.append(old[e] + penalty)
-                    path[i] += min(ways) - min(old)
-            paths[x, y] = path
-            for i in range(disparities):
-                if cost[y, x, i] != NO_MATCH:
-                    added[y, x, i] = 62 + large + 1 - path[i]
-    return added
+    total = np.zeros(cost.shape, int)
+    for step_x, step_y in ((1, 0), (-1, 0)) if heading == 0 else ((0, heading), (1, heading), (-1, heading)):
+        paths = {}
+        for y in range(height) if step_y >= 0 else range(height - 1, -1, -1):
+            for x in range(width) if step_x >= 0 else range(width - 1, -1, -1):
+                path = [UNSEEN if c == NO_MATCH else int(c) for c in cost[y, x]]
+                q = (x - step_x, y - step_y)
+                if q in paths:
+                    old = paths[q]
+                    change = max(abs(int(plane[y, x]) - int(plane[q[1], q[0]])) for plane in guide)
+                    small, large = edge_penalties if change >= edge else penalties
+                    for i in range(disparities):
+                        ways = [min(old) + large]
+                        for off, penalty in ((0, 0), (-1, small), (1, small)):
+                            e = i - row_slope * step_y + off
+                            if 0 <= e < disparities:
+                                ways.append(old[e] + penalty)
+                        path[i] += min(ways) - min(old)
+                paths[x, y] = path
+                total[y, x] += path
+    if heading == 0:
+        return np.where(cost == NO_MATCH, UNMATCHED, total)
+    return sums + total
+
+
+def lowest(sums, validity, smallest, subpixel):
+    """Disparity, lowest sum, its ratio to the lowest one elsewhere, and validity of every pixel."""
+    height, width, disparities = sums.shape
+    values = np.full((height, width), np.nan, np.float32)
+    lows, ratio = np.full((height, width), UNMATCHED, np.float32), np.ones((height, width), np.float32)
+    reasons = validity.copy()
+    for y in range(height):
+        for x in range(width):
+            row = [int(v) for v in sums[y, x]]
+            best = min(row)
+            if validity[y, x] or best >= UNMATCHED:
+                reasons[y, x] = validity[y, x] or OUT_OF_RANGE
+                continue
+            at = row.index(best)
+            values[y, x] = smallest + at
+            if subpixel and 0 < at < disparities - 1 and max(row[at - 1], row[at + 1]) < UNMATCHED:
+                bend = np.float32(row[at - 1] + row[at + 1] - 2 * best)
+                values[y, x] += np.float32(0.5) * np.float32(row[at - 1] - row[at + 1]) / bend
+            lows[y, x] = best
+            elsewhere = [v for i, v in enumerate(row) if abs(i - at) > 1 and v < UNMATCHED]
+            if elsewhere and min(elsewhere) > 0:
+                ratio[y, x] = np.float32(best) / np.float32(min(elsewhere))
+    return values, lows, ratio, reasons
 
 
 def slope(row, at, largest, reach=6):
