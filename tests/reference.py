@@ -264,7 +264,7 @@ def vote(disparity, validity, guide, reach, step, alike, least):
         backers = [value for value, at in zip(votes, whole, strict=True) if at == winner]
         if 2 * len(backers) > len(votes):
             values[y, x] = sum(math.floor(value * 16 + 0.5) for value in backers) / (16 * len(backers))
-            out[y, x] = FILLED
+            out[y, x] |= FILLED
     return values, out
 
 

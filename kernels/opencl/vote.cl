@@ -1,7 +1,7 @@
 // Fill mismatched pixels with what a cross of like colour around them agrees on.
 #include "vote_pixel.h"
 
-// Give a mismatched pixel the disparity that most pixels of like colour around it have; it carries FILLED then.
+// Give a mismatched pixel the disparity that most pixels of like colour around it have; it carries FILLED too then.
 // Every step-th pixel of a vertical arm of at most reach px votes with every step-th one of its own horizontal arms.
 // An arm ends where the guide, (3, H, W), differs by alike or more from where it began. The whole disparity of more
 // than half of at least `least` votes wins.
@@ -29,7 +29,7 @@ __kernel void vote(
     int reason = validity[pixel];
     if (value != value && (reason & MISMATCH)) {
         value = elected(disparity, guide, x, y, width, height, reach, step, alike, least);
-        if (value == value) reason = FILLED;
+        if (value == value) reason |= FILLED;
     }
     disparity_out[pixel] = value;
     validity_out[pixel] = reason;

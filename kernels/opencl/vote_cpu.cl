@@ -53,7 +53,7 @@ inline float elected_once(
     return 2 * backers > votes ? (float)sum / (PARTS * (float)backers) : NAN;
 }
 
-// Give a mismatched pixel the disparity that most pixels of like colour around it have; it carries FILLED then.
+// Give a mismatched pixel the disparity that most pixels of like colour around it have; it carries FILLED too then.
 // Every step-th pixel of a vertical arm of at most reach px votes with every step-th one of its own horizontal arms.
 // An arm ends where the guide, (3, H, W), differs by alike or more from where it began. The whole disparity of more
 // than half of at least `least` votes wins.
@@ -89,7 +89,7 @@ __kernel void vote(
                 float value = elected_once(disparity, guide, at, y, width, height, reach, step, alike, least);
                 if (value != value) continue;
                 disparity_out[place + at] = value;
-                validity_out[place + at] = FILLED;
+                validity_out[place + at] |= FILLED;
             }
         }
     }

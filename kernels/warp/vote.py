@@ -106,7 +106,7 @@ def vote(
     disparity_out: wp.array(dtype=float),
     validity_out: wp.array(dtype=wp.uint8),
 ):
-    """Give a mismatched pixel the disparity that most pixels of like colour around it have; it carries FILLED then.
+    """Give a mismatched pixel the disparity that most pixels of like colour around it have; it carries FILLED too then.
 
     Every step-th pixel of a vertical arm of at most reach px votes with every step-th one of its own horizontal arms.
     An arm ends where the guide, (3, H, W), differs by alike or more from where it began. The whole disparity of more
@@ -122,6 +122,6 @@ def vote(
     if wp.isnan(value) and (reason & MISMATCH) != wp.uint8(0):
         value = elected(disparity, guide, x, y, width, height, reach, step, alike, least)
         if not wp.isnan(value):
-            reason = FILLED
+            reason = reason | FILLED
     disparity_out[pixel] = value
     validity_out[pixel] = reason
