@@ -200,7 +200,7 @@ def _paths_in_opencl(call: Call) -> Geometry:
     # Two strips a core even out the load; a wide one repeats less of what leans into it.
     columns = min(WIDEST, -(-call["width"] // (2 * call.units)))
     strips = -(-call["width"] // columns)
-    room = common + 3 * (WIDEST + 2 * BAND + SHORTS) + 3 * (columns + BAND) * stride
+    room = common + 3 * (WIDEST + 2 * BAND + SHORTS) + 3 * (columns + min(BAND, call["height"])) * stride
     shorts = strips * room + 6 * call["width"] * stride
     return Geometry((strips,), scratch_floats=shorts // 2 + 1, alone=True, stages=-(-call["height"] // BAND))
 

@@ -164,7 +164,6 @@ def test_bytes_of_volumes_and_of_what_is_added_to():
     size = (height, width, disparities)
     pixels = height * width
     assert compulsory("other", [launch], size) == (pixels * (5 * disparities + 4) + 28, "5 WHD + 4 WH + 28")
-    assert compulsory("aggregate", [launch], size)[1] == "9 WHD + 4 WH + 28"
 
 
 @pytest.mark.parametrize(("name", "formula"), [("ncc_wta", "46 WH"), ("wta", "4 WHD + 22 WH")])

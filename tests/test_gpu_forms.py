@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from conftest import missing
 from test_matching_kernels import HEIGHT, WIDTH, junk, maps, prepared, winners
+from test_smooth_path_kernels import aggregated, launch_lowest, paths_case, sums_case
 
 from stereo_gpu.errors import BackendError
 
@@ -75,37 +76,22 @@ def test_ncc_wta(name, shape, smallest, disparities, size, direction, levels):
 
 
 @pytest.mark.parametrize("disparities", [11, 70, 300])  # fewer than work-items, more, and more than local memory holds
-@pytest.mark.parametrize("step", [(1, 0), (-1, 0), (0, 1), (1, -1), (-1, 1)])
+@pytest.mark.parametrize("heading", [0, 1, -1])
 @pytest.mark.parametrize("name", ["opencl", "warp:cpu"])
-def test_aggregate(name, step, disparities):
-    rng = np.random.default_rng(disparities)
-    shape = (13, 19)
-    cost = rng.integers(0, 256, (*shape, disparities)).astype(np.uint8)
-    start = rng.integers(0, 50, cost.shape).astype(np.float32)
-    (grey, _), sums = pictures(shape, 4, 7), []
-    for form in ("gpu", "cpu"):
-        backend = opened(name, form)
-        volume = backend.upload(start)
-        backend.launch(
-            "aggregate",
-            cost=backend.upload(cost),
-            picture=backend.upload(grey),
-            width=shape[1],
-            height=shape[0],
-            disparities=disparities,
-            step_x=step[0],
-            step_y=step[1],
-            row_slope=1,
-            small_penalty=9.0,
-            large_penalty=40.0,
-            edge_penalty=20.0,
-            edge=25.0,
-            weight=0.25,
-            volume_out=volume,
-        )
-        sums.append(backend.download(volume))
+def test_aggregate(name, heading, disparities):
+    cost, guide, start = paths_case((13, 19, disparities), disparities)
+    sums = [aggregated(opened(name, form), cost, guide, start, heading, 1) for form in ("gpu", "cpu")]
     np.testing.assert_array_equal(*sums)
     assert (sums[0] != start).any()
+
+
+@pytest.mark.parametrize("disparities", [1, 16, 17, 300])
+@pytest.mark.parametrize("name", ["opencl", "warp:cpu"])
+def test_lowest(name, disparities):
+    sums, validity = sums_case((7, 150, disparities), disparities)
+    found = [launch_lowest(opened(name, form), sums, validity, -9, 1) for form in ("gpu", "cpu")]
+    for got, want in zip(*found, strict=True):
+        np.testing.assert_array_equal(got, want)
 
 
 @pytest.mark.parametrize("kernel", ["merge", "agree", "fill"])

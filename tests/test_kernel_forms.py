@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 import pytest
 from conftest import missing
+from test_smooth_path_kernels import PENALTIES, paths_case, sums_case
 
 from stereo_gpu.backends.opencl import open_device
 from stereo_gpu.errors import BackendError
@@ -120,34 +121,41 @@ def test_slant(forms, step, direction, size):
     assert scores.max() > 0.1 or min(size) < 9
 
 
-@pytest.mark.parametrize("row_slope", [0, 1, -2])
-@pytest.mark.parametrize("disparities", [1, 8, 16, 37, 64])
+@pytest.mark.parametrize("row_slope", [0, 1, -1, -3])
+@pytest.mark.parametrize("disparities", [1, 31, 32, 64, 77])
 @pytest.mark.parametrize("size", SIZES)
 def test_aggregate(forms, row_slope, disparities, size):
-    width, height = size
-    rng = np.random.default_rng(3)
-    cost = rng.integers(0, 63, (height, width, disparities)).astype(np.uint8)
-    cost[rng.random(cost.shape) < 0.05] = 254
-    cost[height // 3 : height // 2, : width // 2] = 255
-    for step_x, step_y in [(1, 0), (-1, 0), (0, 1), (0, -1), (1, 1), (-1, 1), (1, -1), (-1, -1)]:
+    cost, guide, sums = paths_case((*size[::-1], disparities), 3)
+    for heading in (0, 1, -1):
         assert_same(
             forms,
             "aggregate",
-            {"volume_out": rng.integers(0, 50, cost.shape).astype(np.float32)},
+            {"sums_out": sums},
             cost=cost,
-            picture=rng.integers(-128, 128, (height, width)).astype(np.float32),
-            width=width,
-            height=height,
+            guide=guide,
+            width=size[0],
+            height=size[1],
             disparities=disparities,
-            step_x=step_x,
-            step_y=step_y,
+            heading=heading,
             row_slope=row_slope,
-            small_penalty=9.0,
-            large_penalty=40.0,
-            edge_penalty=20.0,
-            edge=25.0,
-            weight=0.25,
+            **PENALTIES,
         )
+
+
+@pytest.mark.parametrize("disparities", [1, 31, 32, 64, 77])
+@pytest.mark.parametrize("size", SIZES)
+def test_lowest(forms, disparities, size):
+    sums, validity = sums_case((*size[::-1], disparities), 4)
+    maps = dict.fromkeys(("disparity_out", "lowest_out", "ratio_out"), junk(size[::-1], np.float32))
+    numbers = {"width": size[0], "height": size[1], "smallest": 5, "disparities": disparities, "subpixel": 1}
+    assert_same(
+        forms,
+        "lowest",
+        {**maps, "validity_out": junk(size[::-1], np.uint8)},
+        sums=sums,
+        validity=validity,
+        **numbers,
+    )
 
 
 @pytest.mark.parametrize("size", SIZES)

@@ -14,7 +14,7 @@ FILES = sorted(path.stem for path in (FOLDER / "opencl").glob("*.cl"))
 OPENCL = [name for name in FILES if not name.endswith("_cpu")]
 FORMS = [name.removesuffix("_cpu") for name in FILES if name.endswith("_cpu")]
 FIXED = ["rectify", "smooth", "ncc_volume", "wta", "ncc_wta", "consistency", "median", "triangulate", "bake"]
-TYPES = {"float32": "float", "int32": "int", "uint8": "uchar", "Any": "PIXEL"}
+TYPES = {"float32": "float", "int32": "int", "uint8": "uchar", "uint16": "ushort", "Any": "PIXEL"}
 
 
 def test_every_kernel_is_there():

@@ -18,6 +18,7 @@ import test_match_cost
 import test_matching_kernels
 import test_smooth_path_kernels
 from conftest import missing
+from test_smooth_path_kernels import PENALTIES
 
 import stereo_gpu as sg
 import stereo_gpu.kernels as kernels
@@ -131,23 +132,21 @@ def test_scratch_is_counted_and_a_large_one_goes(backend, monkeypatch):
     assert scratch > 0 and asked == [640 * 480 * 90 + scratch]
 
     # Lines of so many disparities that their scratch is not worth keeping.
-    size = {"width": 40, "height": 3, "disparities": 300_000}
-    wanted = backend.scratch_bytes("aggregate", **size, step_x=1, step_y=1)
+    size = {"width": 40, "height": 3, "disparities": 420_000}
+    wanted = backend.scratch_bytes("aggregate", **size, heading=1)
     assert wanted > 64 << 20
     total, one = backend.available_bytes()
     if 4 * wanted > min(total, one):
         pytest.skip(f"{backend.name} has too little memory")
-    numbers = dict.fromkeys(("small_penalty", "large_penalty", "edge_penalty", "edge", "weight"), 1.0)
     backend.launch(
         "aggregate",
-        cost=backend.zeros((3, 40, 300_000), np.uint8),
-        picture=backend.zeros((3, 40), np.float32),
+        cost=backend.zeros((3, 40, 420_000), np.uint8),
+        guide=backend.zeros((3, 3, 40), np.uint8),
         **size,
-        step_x=1,
-        step_y=1,
+        heading=1,
         row_slope=0,
-        **numbers,
-        volume_out=backend.zeros((3, 40, 300_000), np.float32),
+        **PENALTIES,
+        sums_out=backend.zeros((3, 40, 420_000), np.uint16),
     )
     assert backend._scratch.size == wanted
     backend.finish()

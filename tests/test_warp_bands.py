@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from test_smooth_path_kernels import aggregated, paths_case
 
 import stereo_gpu.kernels as kernels
 from stereo_gpu.backends.bands import FIRST, Crew, banded, cut, usable_cores
@@ -59,37 +60,19 @@ def match(backend, left, right):
     return [backend.download(array) for array in (*found.values(), *checked)]
 
 
-def smooth_paths(backend, cost, picture):
-    """One diagonal of aggregation: lines of unequal length, with scratch for each."""
-    volume = backend.zeros(cost.shape, np.float32)
-    backend.launch(
-        "aggregate",
-        cost=backend.upload(cost),
-        picture=backend.upload(picture),
-        width=WIDTH,
-        height=HEIGHT,
-        disparities=DISPARITIES,
-        step_x=1,
-        step_y=1,
-        row_slope=0,
-        small_penalty=9.0,
-        large_penalty=40.0,
-        edge_penalty=20.0,
-        edge=25.0,
-        weight=0.25,
-        volume_out=volume,
-    )
-    return backend.download(volume)
+def smooth_paths(backend, cost, guide):
+    """The paths down the picture: lines of unequal length, with scratch for each."""
+    return aggregated(backend, cost, guide, np.zeros(cost.shape, np.uint16), 1, 0)
 
 
 @pytest.mark.parametrize("threads", [2, 3, HEIGHT + 7])
 def test_threads_change_no_answer(threads):
     left, right = pictures(1)
-    cost = np.random.default_rng(2).integers(0, 63, (HEIGHT, WIDTH, DISPARITIES)).astype(np.uint8)
+    cost, guide, _ = paths_case((HEIGHT, WIDTH, DISPARITIES), 2)
     one, many = WarpBackend("cpu", threads=1), WarpBackend("cpu", threads=threads)
     for got, want in zip(match(many, left, right), match(one, left, right), strict=True):
         np.testing.assert_array_equal(got, want)
-    np.testing.assert_array_equal(smooth_paths(many, cost, left), smooth_paths(one, cost, left))
+    np.testing.assert_array_equal(smooth_paths(many, cost, guide), smooth_paths(one, cost, guide))
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 30), (30, 1), (2, 2)])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from test_smooth_path_kernels import PENALTIES, paths_case, sums_case
 
 from stereo_gpu.backends.warp import WarpBackend
 
@@ -146,16 +147,21 @@ def test_slant_and_triangulate(shape, direction):
     same("triangulate", shape, {"points_out": junk((*shape, 3))}, arrays, direction=direction, **numbers)
 
 
-@pytest.mark.parametrize("disparities", [1, 15, 16, 50, 300])
-@pytest.mark.parametrize("step", [(1, 0), (-1, 0), (0, -1), (1, 1), (-1, 1)])
-@pytest.mark.parametrize("row_slope", [0, 1, -1])
-def test_aggregate(disparities, step, row_slope):
+@pytest.mark.parametrize("disparities", [1, 15, 32, 50, 600])
+@pytest.mark.parametrize("heading", [0, 1, -1])
+@pytest.mark.parametrize("row_slope", [0, 1, -3])
+def test_aggregate(disparities, heading, row_slope):
     shape = (11, 19)
-    rng = np.random.default_rng(5)
-    cost = rng.integers(0, 63, (*shape, disparities)).astype(np.uint8)
-    cost[rng.random(cost.shape) < 0.1] = 254
-    cost[3:5, 4:9] = 255
-    penalties = {"small_penalty": 9.0, "large_penalty": 40.0, "edge_penalty": 20.0, "edge": 25.0, "weight": 0.25}
-    outputs = {"volume_out": rng.integers(0, 50, cost.shape).astype(np.float32)}
-    numbers = {"disparities": disparities, "step_x": step[0], "step_y": step[1], "row_slope": row_slope, **penalties}
-    same("aggregate", shape, outputs, {"cost": cost, "picture": picture(shape)}, **numbers)
+    cost, guide, sums = paths_case((*shape, disparities), 5)
+    numbers = {"disparities": disparities, "heading": heading, "row_slope": row_slope, **PENALTIES}
+    same("aggregate", shape, {"sums_out": sums}, {"cost": cost, "guide": guide}, **numbers)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("disparities", [1, 15, 32, 300])
+def test_lowest(shape, disparities):
+    sums, validity = sums_case((*shape, disparities), 6)
+    outputs = dict.fromkeys(("disparity_out", "lowest_out", "ratio_out"), junk(shape))
+    outputs["validity_out"] = junk(shape, np.uint8)
+    numbers = {"disparities": disparities, "smallest": -4, "subpixel": 1}
+    same("lowest", shape, outputs, {"sums": sums, "validity": validity}, **numbers)

@@ -353,7 +353,7 @@ __kernel void aggregate(
     int last = first + columns < width ? first + columns : width, begin = stage * BAND;
     if (first >= last) return;
     int rows = begin + BAND < height ? BAND : height - begin, span = WIDEST + 2 * BAND + SHORTS;
-    long kind = (long)(columns + BAND) * stride, pictured = (long)width * stride;
+    long kind = (long)(columns + (height < BAND ? height : BAND)) * stride, pictured = (long)width * stride;
     long room = common + 3 * span + 3 * kind;
     __global short *own = (__global short *)scratch + item * room, *edges = own + common, *lines = edges + 3 * span;
     __global short *passed = (__global short *)scratch + strips * room;

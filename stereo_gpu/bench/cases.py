@@ -168,15 +168,19 @@ KERNELS = (
     KernelCase(name="census", kernel="census", stage=_path_view, operations=_constant(48)),
     # Bits: a difference, a count. Three colours: a difference, its sign, the sum, its end. Two parabolas, their sum.
     KernelCase(name="match_cost", kernel="match_cost", stage=_PRECISE, per="cell", operations=_constant(20)),
-    # Four ways to come from, the smallest of them and of the row, the cost, and the weighted sum.
+    # All three headings. Of each of 8 paths four ways to come from, the smallest of them and of the row, the cost, and
+    # the sum.
     KernelCase(
         name="aggregate",
         kernel="aggregate",
         stage=_PRECISE,
         per="cell",
+        launches=3,
         after="match_cost",
-        operations=_constant(11),
+        operations=_constant(64),
     ),
+    # A comparison for the lowest sum, one for its place, one for the lowest one elsewhere.
+    KernelCase(name="lowest", kernel="lowest", stage=_PRECISE, per="cell", after="aggregate", operations=_constant(3)),
     KernelCase(name="merge", kernel="merge", stage=_PRECISE, after="aggregate"),
     KernelCase(name="agree", kernel="agree", stage=_PRECISE, peer=peers.VALIDATE, after="aggregate"),
     KernelCase(name="rectify", kernel="rectify", stage=_rectifying(colour=False), peer=peers.REMAP),

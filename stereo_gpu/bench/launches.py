@@ -10,7 +10,7 @@ from stereo_gpu.backends import Backend, DeviceArray
 
 Arguments = dict[str, DeviceArray | int | float]
 # Outputs that are added to or raised, and so are read too.
-ADDED_TO = {"aggregate": "volume_out", "ncc_wta": "other_out", "wta": "other_out"}
+ADDED_TO = {"ncc_wta": "other_out", "wta": "other_out"}
 
 
 class _CaughtError(Exception):
