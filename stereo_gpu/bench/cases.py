@@ -128,11 +128,14 @@ def _choosing(device: Backend, scene: BenchScene) -> object:
     return match_windows(device, pictures, levels, (mask, mask), search, options, Stopwatch())
 
 
-def _downloading(device: Backend, scene: BenchScene) -> object:
-    found = _matching(Profile.FAST)(device, scene)
-    assert isinstance(found, Winners)
-    options = options_of(Profile.FAST, scene)
-    return download_disparity(device, found, 0, scene.disparities, View.RIGHT, Profile.FAST, options, Stopwatch())
+def _downloading(profile: Profile) -> Stage:
+    def stage(device: Backend, scene: BenchScene) -> object:
+        found = _matching(profile)(device, scene)
+        assert isinstance(found, Winners)
+        options = options_of(profile, scene)
+        return download_disparity(device, found, 0, scene.disparities, View.RIGHT, profile, options, Stopwatch())
+
+    return stage
 
 
 def _triangulating(device: Backend, scene: BenchScene) -> object:
@@ -212,11 +215,19 @@ KERNELS = (
     KernelCase(name="consistency", kernel="consistency", stage=_FAST, peer=peers.VALIDATE),
     KernelCase(name="median", kernel="median", stage=_FAST, peer=peers.MEDIAN_BLUR),
     KernelCase(name="support", kernel="support", stage=_FAST),
+    KernelCase(name="vote", kernel="vote", stage=_PRECISE, after="aggregate"),
     KernelCase(name="guided_support", kernel="guided_support", stage=_PRECISE, after="aggregate"),
     KernelCase(name="plane_fit", kernel="plane_fit", stage=_PRECISE, after="aggregate"),
     KernelCase(name="choose", kernel="choose", stage=_choosing),
     KernelCase(name="fill", kernel="fill", stage=_FAST),
-    KernelCase(name="confidence", kernel="confidence", stage=_downloading, operations=_constant(6)),
+    KernelCase(name="confidence", kernel="confidence", stage=_downloading(Profile.FAST), operations=_constant(6)),
+    KernelCase(
+        name="certainty",
+        kernel="certainty",
+        stage=_downloading(Profile.PRECISE),
+        after="aggregate",
+        operations=_constant(6),
+    ),
     KernelCase(
         name="triangulate",
         kernel="triangulate",
