@@ -11,6 +11,43 @@ FIT_STIFF = wp.constant(0.5)  # pulls the slopes towards 0, in squared px: neigh
 
 
 @wp.func
+def solve(
+    plane: wp.vec3,
+    n: float,
+    sum_x: float,
+    sum_y: float,
+    sum_v: float,
+    sum_xx: float,
+    sum_xy: float,
+    sum_yy: float,
+    sum_xv: float,
+    sum_yv: float,
+    largest_slope: float,
+) -> wp.vec4:
+    """The plane that weighted sums tell, and 1; the given one, and 0, where the weights are too few."""
+    same = wp.vec4(plane[0], plane[1], plane[2], 0.0)
+    if not (n >= FIT_ENOUGH):
+        return same
+    one = 1.0 / n
+    mean_x = sum_x * one
+    mean_y = sum_y * one
+    stiff = FIT_STIFF * n
+    xx = sum_xx - sum_x * mean_x + stiff
+    yy = sum_yy - sum_y * mean_y + stiff
+    xy = sum_xy - sum_x * mean_y
+    xv = sum_xv - sum_v * mean_x
+    yv = sum_yv - sum_v * mean_y
+    area = xx * yy - xy * xy
+    if not (area > 0.0):
+        return same
+    along_x = (xv * yy - yv * xy) / area
+    along_y = (yv * xx - xv * xy) / area
+    along_x = wp.where(wp.abs(along_x) <= largest_slope, along_x, 0.0)
+    along_y = wp.where(wp.abs(along_y) <= largest_slope, along_y, 0.0)
+    return wp.vec4(sum_v * one - along_x * mean_x - along_y * mean_y, along_x, along_y, 1.0)
+
+
+@wp.func
 def fit_again(
     plane: wp.vec3,
     disparity: wp.array(dtype=float),
@@ -75,29 +112,11 @@ def fit_again(
             sum_xy += row_x * dy
             sum_yy += row_n * (dy * dy)
             sum_yv += row_v * dy
-    same = wp.vec4(plane[0], plane[1], plane[2], 0.0)
-    if not (n >= FIT_ENOUGH):
-        return same
-    one = 1.0 / n
-    mean_x = sum_x * one
-    mean_y = sum_y * one
-    stiff = FIT_STIFF * n
-    xx = sum_xx - sum_x * mean_x + stiff
-    yy = sum_yy - sum_y * mean_y + stiff
-    xy = sum_xy - sum_x * mean_y
-    xv = sum_xv - sum_v * mean_x
-    yv = sum_yv - sum_v * mean_y
-    area = xx * yy - xy * xy
-    if not (area > 0.0):
-        return same
-    along_x = (xv * yy - yv * xy) / area
-    along_y = (yv * xx - xv * xy) / area
-    along_x = wp.where(wp.abs(along_x) <= largest_slope, along_x, 0.0)
-    along_y = wp.where(wp.abs(along_y) <= largest_slope, along_y, 0.0)
-    return wp.vec4(sum_v * one - along_x * mean_x - along_y * mean_y, along_x, along_y, 1.0)
+    return solve(plane, n, sum_x, sum_y, sum_v, sum_xx, sum_xy, sum_yy, sum_xv, sum_yv, largest_slope)
 
 
-@wp.kernel
+# Half of a multiprocessor's threads at least; Warp's loop over the grid would take registers for its counters.
+@wp.kernel(launch_bounds=(256, 4), grid_stride=False)
 def plane_fit(
     # In:
     disparity: wp.array(dtype=float),
