@@ -17,7 +17,9 @@ from stereo_gpu.windows import match_windows
 from stereo_gpu.winners import Winners
 
 # A map of smooth paths is believed if this share of its pixels has a confidence over that.
-SURE_SHARE, SURE = 0.05, 0.5
+SURE_SHARE, SURE = 0.1, 0.9
+# How likely a disparity of smooth paths is wrong by more than 1 px if another is as good.
+DOUBT = 0.4
 
 
 def match_on(
@@ -88,20 +90,16 @@ def download_disparity(
     options: MatchOptions,
     watch: Stopwatch,
 ) -> Disparity:
-    """Copy a map back; confidence is the NCC, less the closer the runner-up comes to it where one is known."""
+    """Copy a map back, with how far each value is to be trusted: the less, the closer the runner-up comes."""
     height, width = found.values.shape
     confidence = backend.empty((height, width), np.float32)
-    backend.launch(
-        "confidence",
-        score=found.score,
-        ratio=found.ratio,
-        validity=found.validity,
-        width=width,
-        height=height,
-        # The score of leaning windows is another measure than that of the runner-up.
-        weight=0.0 if options.slant_rounds else 1.0,
-        confidence_out=confidence,
-    )
+    size = {"width": width, "height": height}
+    if options.smooth_paths:
+        certain = {"ratio": found.ratio, "validity": found.validity, "doubt": DOUBT}
+        backend.launch("certainty", **certain, **size, confidence_out=confidence)
+    else:
+        trusted = {"score": found.score, "ratio": found.ratio, "validity": found.validity, "weight": 1.0}
+        backend.launch("confidence", **trusted, **size, confidence_out=confidence)
     return Disparity(
         values=backend.download(found.values),
         validity=backend.download(found.validity),

@@ -12,7 +12,7 @@ import numpy as np
 
 from stereo_gpu.backends import Backend, DeviceArray
 from stereo_gpu.config import MatchOptions
-from stereo_gpu.types import Bytes, Picture
+from stereo_gpu.types import Picture
 
 # Of a picture's bright end: less is flat, and is not stretched until its noise looks like texture.
 LEAST_CONTRAST = 1 / 16
@@ -97,7 +97,7 @@ def sum_windows(backend: Backend, grey: DeviceArray, mask: DeviceArray, options:
 
 def find_levels(picture: Picture) -> Levels:
     """What brings a whole picture to the levels that are matched."""
-    return Levels(grey_levels(picture))
+    return Levels(grey_levels(picture), colour_levels(picture))
 
 
 def grey_levels(picture: Picture) -> GreyLevels:
@@ -114,20 +114,15 @@ def grey_levels(picture: Picture) -> GreyLevels:
     return GreyLevels(dark, 255.0 / span)
 
 
-def colour_levels(picture: Picture, valid: Bytes) -> tuple[float, ...]:
+def colour_levels(picture: Picture) -> tuple[float, ...]:
     """Gain and offset that take each of three channels to the mean and deviation of a guide.
 
-    So neither gain nor offset of a camera changes the guide. A channel of one value, or without valid pixels, has gain
-    0; a grey picture has the same numbers three times.
-
-    Args:
-        picture: the whole of it, (H, W) or (H, W, 3).
-        valid: (H, W), not 0 where a pixel counts.
+    So neither gain nor offset of a camera changes the guide. A channel of one value has gain 0; a grey picture has the
+    same numbers three times.
     """
     # Whole rows, so that a mirrored picture gives the same.
-    step = max(1, valid.size // ENOUGH_PIXELS)
-    mask = np.ascontiguousarray(valid[::step] != 0).view(np.uint8)
-    means, deviations = cv2.meanStdDev(np.ascontiguousarray(picture[::step]), mask=mask)
+    step = max(1, picture.shape[0] * picture.shape[1] // ENOUGH_PIXELS)
+    means, deviations = cv2.meanStdDev(np.ascontiguousarray(picture[::step]))
     levels: list[float] = []
     for mean, deviation in zip(means.ravel(), deviations.ravel(), strict=True):
         gain = GUIDE_DEVIATION / float(deviation) if deviation > 0 else 0.0

@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from stereo_gpu import prepare
 from stereo_gpu.backends import Backend, DeviceArray
 from stereo_gpu.config import MatchOptions
-from stereo_gpu.prepare import Levels, make_grey
+from stereo_gpu.prepare import Levels, make_grey, make_guide
 from stereo_gpu.refine import filter_median, launch_on_map
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.winners import Winners
 
 # Paths that run along the rows, down and up; the first of them sets the sums, so that it comes first.
 HEADINGS = (0, 1, -1)
+UNBOUNDED = 1 << 30
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +108,7 @@ def prepare_path_view(
     backend.launch("census", picture=grey, width=width, height=height, bits_out=bits)
     validity = backend.empty((height, width), np.uint8)
     backend.launch("masked", mask=mask, width=width, height=height, validity_out=validity)
-    return PathView(guide=prepare.make_guide(backend, picture, levels.colours), bits=bits, validity=validity)
+    return PathView(guide=make_guide(backend, picture, levels.colours), bits=bits, validity=validity)
 
 
 def _find(
@@ -217,6 +217,7 @@ def _refine(
     found = launch_on_map(
         backend, "agree", found, other_disparity=other.values, **search, tolerance=options.consistency_px
     )
+    found = launch_on_map(backend, "vote", found, guide=ours.guide, reach=33, step=3, alike=8, least=5)
     found = launch_on_map(
         backend,
         "guided_support",
@@ -228,7 +229,11 @@ def _refine(
         slope=options.support_slope,
         share=options.support_share,
     )
-    found = launch_on_map(backend, "background", found, same_surface=options.same_surface_px)
+    # Along the rows, from the side of an edge that lies behind; what rows cannot tell, along the columns.
+    for axis in (0, 1):
+        found = launch_on_map(
+            backend, "fill", found, axis=axis, reach=UNBOUNDED, near=4, edges=1, tolerance=options.same_surface_px
+        )
     found = filter_median(backend, found, options)
     height, width = found.values.shape
     smoothed = backend.empty((height, width), np.float32)
