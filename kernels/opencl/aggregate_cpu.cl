@@ -16,6 +16,7 @@
 #define BAND 32 // rows of a stage; kernels/geometry.py computes the same,
 #define WIDEST 256 // columns of a strip, and this
 #define WALL 8000
+#define PIXELS_AHEAD 16 // that are asked for beforehand along a row
 #define INLINE inline __attribute__((always_inline))
 #if SHORTS == 32
 #define SHIFT(a, b, n) __builtin_shufflevector(a, b, n, n + 1, n + 2, n + 3, n + 4, n + 5, n + 6, n + 7, \
@@ -98,6 +99,14 @@ INLINE void settle(__global ushort *sum, shorts total, shorts unmatched, int i, 
             sum[i + k] = value;
         }
     }
+}
+
+// Ask for memory that is needed soon: it lies apart from what was needed last, so that no processor guesses it.
+INLINE void fetch(__global const void *from, int bytes)
+{
+#ifdef __AVX2__
+    for (int i = 0; i < bytes; i += 64) __builtin_prefetch((const void *)((size_t)from + i));
+#endif
 }
 
 INLINE shorts load(__global const short *at) { return *(__global const shorts *)at; }
@@ -234,6 +243,13 @@ INLINE void walk_row(
         int room = (width - t) * disparities, rest = (t + 1) * disparities;
         Path on = step_on(rules, lines, lines, t == 0, right, edges[t], 0, 0);
         Path back = step_on(rules, held, held, t == 0, left, t == 0 ? 0 : edges[u + 1], 0, 0);
+        if (t + PIXELS_AHEAD < width) {
+            long soon = (long)PIXELS_AHEAD * disparities;
+            fetch(cost + here + soon, disparities);
+            fetch(sums + here + soon, 2 * disparities);
+            fetch(cost + there - soon, disparities);
+            fetch(sums + there - soon, 2 * disparities);
+        }
         if (t < u) {
             right = walk(on, cost + here, sums + here, disparities, room, 0, SET);
             left = walk(back, cost + there, sums + there, disparities, rest, 0, SET);
@@ -304,6 +320,11 @@ INLINE void walk_band(
                 Path path_c = step_on(
                     rules, old_c, c, begins_c, begins_c ? 0 : old_c[padded], begins ? 0 : at_edge[2 * span], 2, shift);
                 __global ushort *sum = sums + pixel * disparities;
+                if (left > 0) {
+                    long next = (pixel + (long)heading * width) * disparities;
+                    fetch(cost + next, disparities);
+                    fetch(sums + next, 2 * disparities);
+                }
                 walk_three(path_a, path_b, path_c, own, sum, disparities, padded, room, shift);
             }
         }
