@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 
@@ -93,13 +94,11 @@ def download_disparity(
     """Copy a map back, with how far each value is to be trusted: the less, the closer the runner-up comes."""
     height, width = found.values.shape
     confidence = backend.empty((height, width), np.float32)
-    size = {"width": width, "height": height}
+    known: dict[str, Any] = {"ratio": found.ratio, "validity": found.validity, "width": width, "height": height}
     if options.smooth_paths:
-        certain = {"ratio": found.ratio, "validity": found.validity, "doubt": DOUBT}
-        backend.launch("certainty", **certain, **size, confidence_out=confidence)
+        backend.launch("certainty", **known, doubt=DOUBT, confidence_out=confidence)
     else:
-        trusted = {"score": found.score, "ratio": found.ratio, "validity": found.validity, "weight": 1.0}
-        backend.launch("confidence", **trusted, **size, confidence_out=confidence)
+        backend.launch("confidence", **known, score=found.score, weight=1.0, confidence_out=confidence)
     return Disparity(
         values=backend.download(found.values),
         validity=backend.download(found.validity),

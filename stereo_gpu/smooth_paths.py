@@ -10,6 +10,7 @@ import numpy as np
 
 from stereo_gpu.backends import Backend, DeviceArray
 from stereo_gpu.config import MatchOptions
+from stereo_gpu.flat_surfaces import Surroundings, level_flats, settle
 from stereo_gpu.prepare import Levels, make_grey, make_guide
 from stereo_gpu.refine import filter_median, launch_on_map
 from stereo_gpu.timing import Stopwatch
@@ -18,6 +19,8 @@ from stereo_gpu.winners import Winners
 # Paths that run along the rows, down and up; the first of them sets the sums, so that it comes first.
 HEADINGS = (0, 1, -1)
 UNBOUNDED = 1 << 30
+VOTERS_REACH = 33  # px
+SETTLED_REACH = 4  # px; of the last planes, which only even out what single steps differ by
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,11 +28,13 @@ class PathView:
     """One view on the device: what the costs compare.
 
     Args:
+        grey: (H, W) float32, grey levels.
         guide: (3, H, W) uint8, colours of equal mean and contrast in both views.
         bits: (H, W) int32, its census.
         validity: (H, W) uint8, MASKED or 0.
     """
 
+    grey: DeviceArray
     guide: DeviceArray
     bits: DeviceArray
     validity: DeviceArray
@@ -82,7 +87,7 @@ def match_paths(
         backend.finish()
     del volumes
     with watch.step("refinement"):
-        found = _refine(backend, found, other, ours, search, options)
+        found = _refine(backend, found, other, (ours, theirs), search, options)
         backend.finish()
     return found
 
@@ -108,7 +113,7 @@ def prepare_path_view(
     backend.launch("census", picture=grey, width=width, height=height, bits_out=bits)
     validity = backend.empty((height, width), np.uint8)
     backend.launch("masked", mask=mask, width=width, height=height, validity_out=validity)
-    return PathView(guide=make_guide(backend, picture, levels.colours), bits=bits, validity=validity)
+    return PathView(grey=grey, guide=make_guide(backend, picture, levels.colours), bits=bits, validity=validity)
 
 
 def _find(
@@ -209,20 +214,21 @@ def _refine(
     backend: Backend,
     found: Winners,
     other: Winners,
-    ours: PathView,
+    views: tuple[PathView, PathView],
     search: dict[str, Any],
     options: MatchOptions,
 ) -> Winners:
-    """Keep what both views agree on and like surroundings share; fill the rest, and smooth along surfaces."""
-    found = launch_on_map(
+    """Keep what both views agree on and like surroundings share; fill the rest, level flats, smooth along surfaces."""
+    guide = views[0].guide
+    checked = launch_on_map(
         backend, "agree", found, other_disparity=other.values, **search, tolerance=options.consistency_px
     )
-    found = launch_on_map(backend, "vote", found, guide=ours.guide, reach=33, step=3, alike=8, least=5)
+    found = launch_on_map(backend, "vote", checked, guide=guide, reach=VOTERS_REACH, step=3, alike=8, least=5)
     found = launch_on_map(
         backend,
         "guided_support",
         found,
-        guide=ours.guide,
+        guide=guide,
         reach=options.support_reach,
         step=options.support_step,
         tolerance=options.same_surface_px,
@@ -234,17 +240,25 @@ def _refine(
         found = launch_on_map(
             backend, "fill", found, axis=axis, reach=UNBOUNDED, near=4, edges=1, tolerance=options.same_surface_px
         )
+    around = Surroundings(reference=views[0].grey, other=views[1].grey, guide=guide, direction=search["direction"])
+    found, noise = level_flats(backend, found, checked, around)
     found = filter_median(backend, found, options)
+    found = _fit_planes(backend, found, guide, options.plane_reach, options)
+    found = settle(backend, found, around, noise)
+    return _fit_planes(backend, found, guide, SETTLED_REACH, options)
+
+
+def _fit_planes(backend: Backend, found: Winners, guide: DeviceArray, reach: int, options: MatchOptions) -> Winners:
     height, width = found.values.shape
     smoothed = backend.empty((height, width), np.float32)
     backend.launch(
         "plane_fit",
         disparity=found.values,
         validity=found.validity,
-        guide=ours.guide,
+        guide=guide,
         width=width,
         height=height,
-        reach=options.plane_reach,
+        reach=reach,
         step=options.plane_step,
         tolerance=options.plane_px,
         slope=options.support_slope,
