@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,6 +25,9 @@ LEAST_AGREEMENT = 0.6  # of these, that both views agree on: with less the winne
 LEAST_SHARE = 0.8  # of what is sure around, that must lie on the plane
 DAMPING = 50.0  # of a step, in variances of the noise: faint texture moves little
 KEEP = 16.0  # 1 / px^2 that hold a disparity where it is: evidence of a quarter of a pixel moves it half way
+# How far a levelled pixel looks, px: every round at planes, their cells, and the windows of these.
+LEVEL_REACH = ROUNDS * (CELL * (REACH + SPACING) + WINDOW + 2) + AGREEMENT_REACH
+UNKNOWN = 1e6  # residual of a pixel that tells nothing, as in the kernel
 LEAST_NOISE = 0.05  # variance, grey levels^2: under that of rounding
 
 
@@ -153,10 +157,16 @@ def _weigh(
 
 
 def _noise(backend: Backend, evidence: _Evidence) -> float:
-    """Variance of a picture's noise: half of what most pixels differ by in the two views."""
+    """Variance of a picture's noise: half of what most pixels differ by in the two views.
+
+    In steps of the square root of 2, so that tiles of one picture mostly take the same.
+    """
     residual: Floats = backend.download(evidence.residual)[::EVERY, ::EVERY]
-    known = residual[residual < 1e6]
-    return max(LEAST_NOISE, float(np.median(known)) / 2) if known.size else LEAST_NOISE
+    known = residual[residual < UNKNOWN]
+    if not known.size:
+        return LEAST_NOISE
+    noise = max(LEAST_NOISE, float(np.median(known)) / 2)
+    return 2.0 ** (round(2 * math.log2(noise)) / 2)
 
 
 def _fit(backend: Backend, evidence: _Evidence) -> DeviceArray:

@@ -22,6 +22,7 @@ from stereo_gpu.device_match import (
     match_bytes,
     match_on,
 )
+from stereo_gpu.flat_surfaces import CELL, LEVEL_REACH, SPACING
 from stereo_gpu.prepare import Levels
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.types import Bytes, Disparity, Picture, Validity, View
@@ -37,6 +38,7 @@ KEPT_BYTES = 9  # a pixel of the whole picture, on the host: value, validity and
 # one camera sees, where nothing but paths tells a disparity.
 PATH_REACH = 256
 CENSUS_REACH = 2  # as in the kernel
+GRID = CELL * SPACING  # px; a tile starts where the whole picture has a plane, too
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -242,7 +244,7 @@ def find_margin(options: MatchOptions, smallest: int, disparities: int, referenc
     - Along the row, its partners in the other view, smallest to smallest + disparities - 1 px away; and, for the
       left-right check, all that compete for these partners, up to disparities - 1 px to either side.
     - Median; where several windows are tried, the support of each and the median of what is chosen; after smooth
-      paths the choice of a slope and the fitted planes; support, filling (along the row), and once more the median.
+      paths the choice of a slope and the planes, of flat parts and of all; support, filling (along the row), and once more the median.
 
     Holes that smooth paths leave are filled from as far as it takes, which the margin does not hold: one that is wider
     is filled from the tile's side of it.
@@ -252,7 +254,7 @@ def find_margin(options: MatchOptions, smallest: int, disparities: int, referenc
     prefilter = math.ceil(3 * options.smooth_sigma)
     choice = max((surroundings(side)[0] for side in options.windows), default=0) + (median if options.windows else 0)
     paths = CENSUS_REACH + PATH_REACH if options.smooth_paths else 0
-    planes = options.slope_window // 2 + options.plane_reach if options.smooth_paths else 0
+    planes = options.slope_window // 2 + LEVEL_REACH + options.plane_reach if options.smooth_paths else 0
     support = options.support_reach if options.support_share > 0 else 0
     fill = options.fill_reach + 1 if options.fill_reach else 0
     rows = prefilter + window + paths + median + choice + planes + support + (median if fill else 0)
@@ -272,7 +274,7 @@ def _cut(length: int, parts: int, before: int, after: int) -> list[tuple[slice, 
     """Cut a side into parts as equal as can be: of each what is taken, with its margins, and what is kept."""
     ends = [length * i // parts for i in range(parts + 1)]
     kept = [slice(start, stop) for start, stop in itertools.pairwise(ends)]
-    return [(slice(max(0, k.start - before), min(length, k.stop + after)), k) for k in kept]
+    return [(slice(max(0, (k.start - before) // GRID * GRID), min(length, k.stop + after)), k) for k in kept]
 
 
 def _widest(parts: list[tuple[slice, slice]]) -> int:
