@@ -166,7 +166,7 @@ def _noise(backend: Backend, evidence: _Evidence) -> float:
     if not known.size:
         return LEAST_NOISE
     noise = max(LEAST_NOISE, float(np.median(known)) / 2)
-    return 2.0 ** (round(2 * math.log2(noise)) / 2)
+    return float(2.0 ** (round(2 * math.log2(noise)) / 2))
 
 
 def _fit(backend: Backend, evidence: _Evidence) -> DeviceArray:
