@@ -211,6 +211,22 @@ def _paths_in_warp(call: Call) -> Geometry:
     return Geometry((lines,), scratch_floats=scratch, alone=True, stages=_paths(call))
 
 
+def _cell_grid(call: Call) -> Geometry:
+    return Geometry((-(-call["width"] // call["cell"]), -(-call["height"] // call["cell"])))
+
+
+def _cell_bands(call: Call) -> Geometry:
+    return Geometry((min(-(-call["height"] // call["cell"]), 8 * call.units),), alone=True)
+
+
+def _plane_grid(call: Call) -> Geometry:
+    return Geometry((call["planes_wide"], call["planes_high"]))
+
+
+def _plane_bands(call: Call) -> Geometry:
+    return Geometry((min(call["planes_high"], 8 * call.units),), alone=True)
+
+
 def _lowest_on_gpu(call: Call) -> Geometry:
     # As many columns of a row as a group has work-items.
     tiles = -(-call["width"] // LINE_GROUP)
@@ -222,11 +238,13 @@ def _lowest_on_gpu(call: Call) -> Geometry:
 _ON_ALL: dict[str, Callable[[Call], Geometry]] = {
     "aggregate": _paths_on_gpu,
     "bake": _texels,
+    "cells": _cell_grid,
     "cover": _triangles,
     "lowest": _lowest_on_gpu,
     "match_cost": _cells,
     "ncc_volume": _volume_strips,
     "ncc_wta": _ncc_winners_on_gpu,
+    "planes": _plane_grid,
     "window_norms": _norm_columns,
     "wta": _winners_on_gpu,
 }
@@ -235,12 +253,14 @@ _ON_CPU: dict[str, dict[str, Callable[[Call], Geometry]]] = {
         "aggregate": _paths_in_opencl,
         "agree": _bands,
         "bake": _texel_bands,
+        "cells": _cell_bands,
         "census": _bands,
         "certainty": _bands,
         "confidence": _bands,
         "consistency": _bands,
         "cover": _cover_bands,
         "dilate": _bands,
+        "evidence": _bands,
         "fill": _bands,
         "grey": _bands,
         "guide": _bands,
@@ -251,8 +271,10 @@ _ON_CPU: dict[str, dict[str, Callable[[Call], Geometry]]] = {
         "merge": _bands,
         "ncc_wta": _ncc_winners_in_opencl,
         "plane_fit": _bands,
+        "planes": _plane_bands,
         "rectify": _bands,
         "slant": _bands,
+        "slopes": _bands,
         "smooth": _bands,
         "support": _bands,
         "triangulate": _bands,

@@ -327,6 +327,58 @@ def plane_fit(disparity, validity, guide, reach, step, tolerance, slope, largest
     return out
 
 
+def slopes(disparity, reach, largest):
+    """Change a pixel along x and along y: the mean of both sides, or the gentler one where they differ by over 0.5."""
+    out = np.zeros((2, *disparity.shape))
+    for y, x in np.ndindex(disparity.shape):
+        for axis, (i, j) in enumerate(((reach, 0), (0, reach))):
+            sides = []
+            for way in (1, -1):
+                p, q = x + way * i, y + way * j
+                if 0 <= p < disparity.shape[1] and 0 <= q < disparity.shape[0]:
+                    side = way * (float(disparity[q, p]) - float(disparity[y, x])) / reach
+                    sides += [] if math.isnan(side) else [side]
+            found = min(sides, key=abs, default=0.0)
+            if len(sides) == 2 and abs(sides[0] - sides[1]) <= 0.5:
+                found = sum(sides) / 2
+            out[axis, y, x] = found if abs(found) <= largest else 0.0
+    return out
+
+
+def evidence(pictures, planes, guide, radius, stride, direction, weighted, noise, damping, largest_step, keep):
+    """One Gauss-Newton step of a leaning window, its information and the variance that is left.
+
+    pictures: reference and other view; planes: disparity and its slopes along x and y. With the mean difference c of
+    grey levels removed, the step d makes the sum of w (e - c - direction d g)^2 smallest, but for the damping.
+    """
+    (ours, theirs), (height, width) = np.array(pictures, float), planes[0].shape
+    moved, information, residual = planes[0].astype(float), np.zeros(guide.shape[1:]), np.full(guide.shape[1:], 1e6)
+    for y, x in np.ndindex(height, width):
+        value, slope_x, slope_y = (float(plane[y, x]) for plane in planes)
+        if math.isnan(value) or x % stride or y % stride:
+            continue
+        rows = []
+        for q in range(max(0, y - radius), min(height, y + radius + 1)):
+            for p in range(max(1, x - radius), min(width - 1, x + radius + 1)):
+                u = p + direction * (value + slope_x * (p - x) + slope_y * (q - y))
+                if not 1 <= u < width - 2:
+                    continue
+                left, _, right = samples = [bilinear(theirs[q : q + 1, :, None], u + k, 0)[0] for k in (-1, 0, 1)]
+                gradient = ((right - left) / 2 + (ours[q, p + 1] - ours[q, p - 1]) / 2) / 2
+                rows.append((likeness(guide, x, y, p, q) if weighted else 1.0, gradient, ours[q, p] - samples[1]))
+        w, g, e = np.array(rows).reshape(-1, 3).T
+        if w.sum() < 3:
+            continue
+        g, e = g - (w * g).sum() / w.sum(), e - (w * e).sum() / w.sum()
+        step = direction * (w * g * e).sum() / ((w * g * g).sum() + damping * noise)
+        step = min(max(step, -largest_step), largest_step)
+        residual[y, x] = (w * (e - direction * step * g) ** 2).sum() / w.sum()
+        information[y, x] = (w * g * g).sum() / (2 * noise + residual[y, x])
+        if information[y, x] > 0:
+            moved[y, x] += step * information[y, x] / (information[y, x] + keep)
+    return moved, information, residual
+
+
 def census(picture):
     """24 comparisons with the centre as one number, the first of the window in the highest bit."""
     height, width = picture.shape
