@@ -19,7 +19,8 @@ class MatchOptions:
     """How a disparity map is made.
 
     Args:
-        window: side of the square correlation window, px, odd, 3 to 31; with `windows`, the largest of them.
+        window: side of the square correlation window, px, odd, 3 to 31; with `windows`, the largest of them; the side
+            of the census after smooth paths, which is fixed.
         windows: sides that are tried for each pixel, smallest first; none for `window` alone.
         windows_share: share of its surroundings that must have the disparity of one of these windows.
         texture_threshold: RMS contrast of a window, in grey levels of 0..255, at or under which it is flat.

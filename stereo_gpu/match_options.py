@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import logging
 from typing import Literal
 
 from stereo_gpu.config import AUTO_SHARE, AUTO_WINDOWS, PROFILES, MatchOptions, Profile
 from stereo_gpu.errors import InputError
 from stereo_gpu.types import View
+
+_log = logging.getLogger(__name__)
 
 LARGEST_RANGE = 8192  # winner_key holds a disparity's index in at most 13 bits
 SMALLEST_TILE = 16  # px; a smaller one is all margin
@@ -43,7 +46,7 @@ def choose_options(profile: Profile, window: Window | None = None, tile: int | N
     Args:
         profile: whose options.
         window: side of the window, px; None takes the profile's. "auto" leaves the choice to each pixel: `fast` then
-            tries AUTO_WINDOWS, and `precise` does as it always does, whose smooth paths need no window.
+            tries AUTO_WINDOWS. `precise` needs no window, and says so in the log if one is given.
         tile: largest side of a tile, px; None for what fits the memory.
 
     Raises:
@@ -60,6 +63,9 @@ def choose_options(profile: Profile, window: Window | None = None, tile: int | N
             options = dataclasses.replace(
                 options, window=AUTO_WINDOWS[-1], windows=AUTO_WINDOWS, windows_share=AUTO_SHARE
             )
+    elif window is not None and options.smooth_paths:
+        check_options(dataclasses.replace(options, window=int(window)))
+        _log.warning("window = %d is not used: profile precise finds what belongs to a pixel by itself", window)
     elif window is not None:
         options = dataclasses.replace(options, window=int(window))
     check_options(options)
