@@ -243,8 +243,9 @@ def find_margin(options: MatchOptions, smallest: int, disparities: int, referenc
     - The prefilter and the pixel's own window, or the census and the smooth paths, which fade: see PATH_REACH.
     - Along the row, its partners in the other view, smallest to smallest + disparities - 1 px away; and, for the
       left-right check, all that compete for these partners, up to disparities - 1 px to either side.
-    - Median; where several windows are tried, the support of each and the median of what is chosen; after smooth
-      paths the choice of a slope and the planes, of flat parts and of all; support, filling (along the row), and once more the median.
+    - Median; where several windows are tried, the support of each and the median of what is chosen.
+    - After smooth paths the choice of a slope and the planes, of flat parts and of all.
+    - Support, filling (along the row), and once more the median.
 
     Holes that smooth paths leave are filled from as far as it takes, which the margin does not hold: one that is wider
     is filled from the tile's side of it.
