@@ -622,6 +622,68 @@ def fill(disparity, validity, axis, reach, near, edges, tolerance):
     return values, out
 
 
+def cells(moved, information, cell, least):
+    """Of each square cell: the weight of its pixels, and their weighted mean column, row and disparity."""
+    height, width = moved.shape
+    out = np.zeros((4, -(-height // cell), -(-width // cell)))
+    for row in range(out.shape[1]):
+        for column in range(out.shape[2]):
+            weights, seen = [], []
+            for y in range(row * cell, min(row * cell + cell, height)):
+                for x in range(column * cell, min(column * cell + cell, width)):
+                    if information[y, x] >= least and not math.isnan(moved[y, x]):
+                        weights.append(1 / (1 / float(information[y, x]) + 0.01))
+                        seen.append((x, y, float(moved[y, x])))
+            if weights:
+                out[0, row, column] = sum(weights)
+                out[1:, row, column] = np.average(seen, axis=0, weights=weights)
+    return out
+
+
+def planes(cells, shape, cell, spacing, reach, tolerance):
+    """Value in the middle, two slopes and share of the robust plane through the cells around each place of a grid."""
+    side = cell * spacing
+    out = np.zeros((4, *shape))
+    for row in range(shape[0]):
+        for column in range(shape[1]):
+            middle_x, middle_y = column * spacing + spacing // 2, row * spacing + spacing // 2
+            rows = slice(max(middle_y - reach, 0), middle_y + reach + 1)
+            columns = slice(max(middle_x - reach, 0), middle_x + reach + 1)
+            own, x, y, v = cells[:, rows, columns].reshape(4, -1).astype(float)
+            dx, dy = x - (column * side + (side - 1) / 2), y - (row * side + (side - 1) / 2)
+            near = own * np.maximum(1 - (dx**2 + dy**2) / (cell * reach) ** 2, 0) ** 3
+            value, along_x, along_y, weight = 0.0, 0.0, 0.0, near
+            for scale in (4, 2, 1, None):
+                n = weight.sum()
+                if n <= 1e-6:
+                    value = along_x = along_y = math.nan
+                    break
+                mean_x, mean_y, mean_v = ((weight * a).sum() / n for a in (dx, dy, v))
+                xx, xy, yy, xv, yv = (
+                    (weight * a * b).sum()
+                    for a, b in (
+                        (dx - mean_x, dx - mean_x),
+                        (dx - mean_x, dy - mean_y),
+                        (dy - mean_y, dy - mean_y),
+                        (dx - mean_x, v - mean_v),
+                        (dy - mean_y, v - mean_v),
+                    )
+                )
+                stiff = n * cell**2 / 4
+                slopes = np.linalg.solve([[xx + stiff, xy], [xy, yy + stiff]], [xv, yv])
+                along_x, along_y = np.clip(slopes, -1, 1)
+                value = mean_v - along_x * mean_x - along_y * mean_y
+                if scale:
+                    off = v - value - along_x * dx - along_y * dy
+                    weight = near * (1 / (1 + (off / scale) ** 2)) ** 2
+            if math.isnan(value):
+                out[0, row, column] = math.nan
+                continue
+            on_it = abs(v - value - along_x * dx - along_y * dy) <= tolerance
+            out[:, row, column] = value, along_x, along_y, near[on_it].sum() / near.sum()
+    return out
+
+
 def triangulate(disparity, direction, focal_px, baseline, cx_left, cx_right, cy):
     """Points in the frame of the rectified left camera."""
     height, width = disparity.shape

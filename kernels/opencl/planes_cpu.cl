@@ -1,0 +1,154 @@
+// Fit robust planes through the cells around them: the form for CPUs, whose work-items take a band of rows of planes
+// each, and whose lanes are planes side by side.
+#include "lanes.h"
+#include "robust_plane.h"
+#define HIGHEST 33 // rows of cells that are held, at most
+#define LINE 128   // and cells of a row
+
+// The cells around LANES planes: every spacing-th stands beside the other, so that those as far from each of the
+// planes do; zeros outside of the picture. Of each its weight, column, row and disparity.
+typedef struct {
+    float at[HIGHEST][4][LINE];
+} Cells;
+
+inline void load_cells(
+    Cells *held, __global const float *cells, int cells_wide, int cells_high, int left, int top, int rows, int spacing,
+    int pitch)
+{
+    long count = (long)cells_wide * cells_high;
+    for (int j = 0; j < rows; j++) {
+        int inside = top + j >= 0 && top + j < cells_high;
+        __global const float *row = cells + (long)(inside ? top + j : 0) * cells_wide;
+        for (int phase = 0; phase < spacing; phase++) {
+            for (int k = 0; k < pitch; k++) {
+                int x = left + phase + k * spacing, there = inside && x >= 0 && x < cells_wide, p = there ? x : 0;
+                for (int i = 0; i < 4; i++) held->at[j][i][phase * pitch + k] = there ? row[i * count + p] : 0.0f;
+            }
+        }
+    }
+}
+
+// The same as in robust_plane.h for LANES planes from column `first` of a row on.
+inline __attribute__((always_inline)) void fit_planes(
+    const Cells *held, int planes_wide, long planes, int first, int row, int cell, int spacing, int reach, int pitch,
+    float tolerance, __global float *planes_out)
+{
+    int side = cell * spacing, rows = 2 * reach + 1;
+    lanes centre_x = __builtin_convertvector((lane_numbers() + first) * side, lanes) + 0.5f * (float)(side - 1);
+    float centre_y = (float)(row * side) + 0.5f * (float)(side - 1);
+    float furthest = (float)(cell * reach), inverse = 1.0f / (furthest * furthest);
+    float stiff = FIT_STIFF * (float)(cell * cell), sharpness = 0.0f;
+    lanes value = 0.0f, along_x = 0.0f, along_y = 0.0f;
+    int_lanes fits = -1;
+    for (int round = 0; round < FITS; round++) {
+        lanes n = 0.0f, sum_x = 0.0f, sum_y = 0.0f, sum_v = 0.0f;
+        lanes sum_xx = 0.0f, sum_xy = 0.0f, sum_yy = 0.0f, sum_xv = 0.0f, sum_yv = 0.0f;
+        for (int j = 0; j < rows; j++) {
+            // The place of the i-th cell: i % spacing and i / spacing.
+            int phase = 0, k = 0;
+            for (int i = 0; i < rows; i++) {
+                int at = phase * pitch + k;
+                lanes dx = *(const lanes *)(held->at[j][1] + at) - centre_x;
+                lanes dy = *(const lanes *)(held->at[j][2] + at) - centre_y;
+                lanes v = *(const lanes *)(held->at[j][3] + at) - value;
+                lanes near = 1.0f - (dx * dx + dy * dy) * inverse;
+                near = near > 0.0f ? near : 0.0f;
+                lanes off = (v - along_x * dx - along_y * dy) * sharpness;
+                lanes like = 1.0f / (1.0f + off * off);
+                lanes weight = *(const lanes *)(held->at[j][0] + at) * (near * near * near) * (like * like);
+                lanes weighted_x = weight * dx, weighted_y = weight * dy;
+                n += weight;
+                sum_x += weighted_x;
+                sum_y += weighted_y;
+                sum_v += weight * v;
+                sum_xx += weighted_x * dx;
+                sum_xy += weighted_x * dy;
+                sum_yy += weighted_y * dy;
+                sum_xv += weighted_x * v;
+                sum_yv += weighted_y * v;
+                if (++phase == spacing) {
+                    phase = 0;
+                    k++;
+                }
+            }
+        }
+        // Where there is no plane what follows is no number, and stays so.
+        fits &= n > FIT_ENOUGH;
+        if (!any_lane(fits)) break;
+        lanes one = 1.0f / n, mean_x = sum_x * one, mean_y = sum_y * one;
+        lanes xx = sum_xx - sum_x * mean_x + stiff * n, yy = sum_yy - sum_y * mean_y + stiff * n;
+        lanes xy = sum_xy - sum_x * mean_y, xv = sum_xv - sum_v * mean_x, yv = sum_yv - sum_v * mean_y;
+        lanes area = xx * yy - xy * xy;
+        along_x = (xv * yy - yv * xy) / area;
+        along_y = (yv * xx - xv * xy) / area;
+        along_x = along_x < -STEEPEST ? -STEEPEST : along_x > STEEPEST ? STEEPEST : along_x;
+        along_y = along_y < -STEEPEST ? -STEEPEST : along_y > STEEPEST ? STEEPEST : along_y;
+        value += sum_v * one - along_x * mean_x - along_y * mean_y;
+        sharpness = round ? 2.0f * sharpness : 1.0f / WIDEST_SCALE;
+    }
+    lanes whole = 0.0f, on_it = 0.0f;
+    for (int j = 0; j < rows && any_lane(fits); j++) {
+        int phase = 0, k = 0;
+        for (int i = 0; i < rows; i++) {
+            int at = phase * pitch + k;
+            lanes dx = *(const lanes *)(held->at[j][1] + at) - centre_x;
+            lanes dy = *(const lanes *)(held->at[j][2] + at) - centre_y;
+            lanes near = 1.0f - (dx * dx + dy * dy) * inverse;
+            near = near > 0.0f ? near : 0.0f;
+            lanes off = *(const lanes *)(held->at[j][3] + at) - value - along_x * dx - along_y * dy;
+            lanes weight = *(const lanes *)(held->at[j][0] + at) * (near * near * near);
+            whole += weight;
+            on_it += magnitude(off) <= tolerance ? weight : 0.0f;
+            if (++phase == spacing) {
+                phase = 0;
+                k++;
+            }
+        }
+    }
+    __global float *out = planes_out + (long)row * planes_wide;
+    store_lanes(out, first, planes_wide, fits ? value : NAN);
+    store_lanes(out + planes, first, planes_wide, fits ? along_x : 0.0f);
+    store_lanes(out + 2 * planes, first, planes_wide, fits ? along_y : 0.0f);
+    store_lanes(out + 3 * planes, first, planes_wide, fits ? on_it / whole : 0.0f);
+}
+
+// A plane stands in the middle of every block of spacing x spacing cells, and is a least squares fit through the
+// cells within `reach` of it. Cells weigh by their own weight and (1 - r^2 / R^2)^3 at a distance of r of R px, and
+// from the second of four fits on by (1 / (1 + (e / scale)^2))^2 where they are e px off the plane (Geman and McClure
+// 1987), with scales of 4, 2 and 1 px. Of each plane its value in its middle, its slopes along x and y, and the
+// weight of the cells within tolerance px of it over the weight of all, a plane of the output each; NaN and zeros
+// where no cell is near.
+__kernel void planes(
+    // In:
+    __global const float *cells,
+    int cells_wide,
+    int cells_high,
+    int planes_wide,
+    int planes_high,
+    int cell,
+    int spacing,
+    int reach,
+    float tolerance,
+    // Out:
+    __global float *planes_out)
+{
+    int2 band = band_of_rows(planes_high);
+    int rows = 2 * reach + 1, pitch = LANES + 2 * reach / spacing + 1;
+    int holds = rows <= HIGHEST && spacing <= LINE && spacing * pitch <= LINE;
+    Cells held;
+    for (int row = band.x; row < band.y; row++) {
+        for (int first = 0; first < planes_wide; first += LANES) {
+            if (!holds) {
+                for (int column = first; column < planes_wide && column < first + LANES; column++)
+                    fit_plane(cells, cells_wide, cells_high, planes_wide, planes_high, column, row, cell, spacing, reach,
+                              tolerance, planes_out);
+                continue;
+            }
+            int corner = spacing / 2 - reach;
+            load_cells(&held, cells, cells_wide, cells_high, first * spacing + corner, row * spacing + corner, rows,
+                       spacing, pitch);
+            fit_planes(&held, planes_wide, (long)planes_wide * planes_high, first, row, cell, spacing, reach, pitch,
+                       tolerance, planes_out);
+        }
+    }
+}
