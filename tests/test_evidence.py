@@ -18,7 +18,7 @@ FORMS = [("opencl", "gpu"), ("opencl", "cpu"), ("warp:cpu", "gpu"), ("warp:cpu",
 
 
 def scene(shape, direction, off=0.3):
-    """Two pictures of a surface with a bend and a jump, and its disparity, `off` by so much, with outliers and holes."""
+    """Two pictures of a surface with a bend and a jump, and its disparity, off by so much, with outliers and holes."""
     height, width = shape
     rng = np.random.default_rng(13)
     x, y = np.meshgrid(np.arange(width), np.arange(height))
@@ -66,7 +66,7 @@ def test_slopes(backend, reach, largest):
     ("radius", "stride", "weighted", "keep"), [(2, 1, 1, 16.0), (2, 2, 0, 0.0), (1, 1, 0, 0.0), (3, 3, 1, 4.0)]
 )
 def test_evidence(backend, direction, radius, stride, weighted, keep):
-    *given, truth = scene((21, 71), direction)
+    *given, _truth = scene((21, 71), direction)
     numbers = {"radius": radius, "stride": stride, "direction": direction, "weighted": weighted, **STEP, "keep": keep}
     moved, information, residual = launched(backend, *given, **numbers)
     wanted, certain, variance = reference.evidence(*given, **numbers)

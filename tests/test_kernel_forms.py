@@ -121,6 +121,54 @@ def test_slant(forms, step, direction, size):
     assert scores.max() > 0.1 or min(size) < 9
 
 
+@pytest.mark.parametrize(("stride", "weighted", "direction"), [(1, 1, 1), (1, 0, -1), (2, 0, 1), (2, 1, -1), (3, 1, 1)])
+@pytest.mark.parametrize("size", [*SIZES, (33, 6), (35, 5)])
+def test_evidence(forms, stride, weighted, direction, size):
+    width, height = size
+    rng = np.random.default_rng(12)
+    texture = rng.normal(0, 60, (2, height, width))
+    reference, other = (np.round(cv2.GaussianBlur(t, (0, 0), 1.0) * 3).astype(np.float32) for t in texture)
+    slopes = rng.uniform(-1, 1, (2, height, width)).astype(np.float32)
+    seen = assert_same(
+        forms,
+        "evidence",
+        {f"{name}_out": junk((height, width), np.float32) for name in ("moved", "information", "residual")},
+        reference=reference,
+        other=other,
+        disparity=rows_of_hills(width, height) * direction,
+        along_x=slopes[0],
+        along_y=slopes[1],
+        guide=rng.integers(80, 130, (3, height, width)).astype(np.uint8),
+        width=width,
+        height=height,
+        radius=2,
+        stride=stride,
+        direction=direction,
+        weighted=weighted,
+        noise=2.0,
+        damping=50.0,
+        largest_step=1.0,
+        keep=16.0,
+    )
+    assert seen["information_out"].max() > 1 or width < 20
+
+
+@pytest.mark.parametrize("reach", [1, 2, 9])
+@pytest.mark.parametrize("size", SIZES)
+def test_slopes(forms, reach, size):
+    names = ("along_x_out", "along_y_out")
+    assert_same(
+        forms,
+        "slopes",
+        {name: junk(size[::-1], np.float32) for name in names},
+        disparity=rows_of_hills(*size),
+        width=size[0],
+        height=size[1],
+        reach=reach,
+        largest=0.5,
+    )
+
+
 @pytest.mark.parametrize("row_slope", [0, 1, -1, -3])
 @pytest.mark.parametrize("disparities", [1, 31, 32, 64, 77])
 @pytest.mark.parametrize("size", SIZES)
