@@ -56,8 +56,6 @@ def cost(kernel: str, language: str, disparities: int, window: int, rows: int) -
         # All 8 paths of three headings: a byte of cost, the sum in and out, but for the first path, which sets it;
         # three paths in, one out.
         "aggregate": Cost("cell", 38.0, 8 * 4.5, 0.0, 8 * 34.0),
-        # The sum, and its key; of a pixel two keys a class to shared memory and back twice.
-        "lowest": Cost("cell", 2.0 + 14 / disparities, 96 / disparities, 0.0, 6.0 + 200 / disparities),
         # Three windows of two samples and a value, each with its weights and six sums; the plane's fit.
         "slant": Cost("pixel", 20.0, 0.0, 3 * window**2 * 22 + 49 * 16, 3 * window**2 * 16 + 49 * 8),
         # A count of the neighbours, and about three steps to the middle.

@@ -5,7 +5,7 @@
 // column among what they found.
 #include "lowest.h"
 #define GROUP 64 // kernels/geometry.py has the same
-#define CLASSES 16
+#define CLASSES 8
 #define PITCH (2 * CLASSES + 1) // keys of a column; columns begin in different banks
 #define INDEX_BITS 15
 #define NO_KEY 0x7fffffff

@@ -13,14 +13,14 @@ from stereo_gpu.kernels.warp.sums import OUT_OF_RANGE, UNMATCHED, lowest_dispari
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 GROUP = wp.constant(64)  # kernels/geometry.py has the same
-CLASSES = wp.constant(16)
-PITCH = wp.constant(33)  # two keys a class of a column, and one more, so that columns begin in different banks
+CLASSES = wp.constant(8)
+PITCH = wp.constant(17)  # two keys a class of a column, and one more, so that columns begin in different banks
 INDEX_BITS = wp.constant(15)
 INDEX = wp.constant(0x7FFF)
 NO_KEY = wp.constant(0x7FFFFFFF)
 
 
-@wp.func_native(memory(64 * 33))
+@wp.func_native(memory(64 * 17))
 def word(k: int, value: int, write: bool) -> int:
     """Write or read a word of the block's shared memory."""
     ...
