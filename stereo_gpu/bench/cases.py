@@ -15,6 +15,7 @@ from stereo_gpu.bench.peers import Peer
 from stereo_gpu.bench.scene import BenchScene, mesh_of
 from stereo_gpu.config import PROFILES, MatchOptions, Profile
 from stereo_gpu.device_match import download_disparity, match_on
+from stereo_gpu.flat_surfaces import Surroundings, settle
 from stereo_gpu.match_options import choose_options
 from stereo_gpu.prepare import GreyLevels, Levels, prepare_view
 from stereo_gpu.rectify import plan_rectification, rectify_on
@@ -138,6 +139,25 @@ def _downloading(profile: Profile) -> Stage:
     return stage
 
 
+def _settling(device: Backend, scene: BenchScene) -> object:
+    # All pixels of a map, each sample with its weight: the longest launch of evidence.
+    shape = scene.height, scene.width
+    left, right = (picture.astype(np.float32) - 128 for picture in (scene.left, scene.right))
+    around = Surroundings(
+        reference=device.upload(right),
+        other=device.upload(left),
+        guide=device.upload(np.broadcast_to(scene.right, (3, *shape)).copy()),
+        direction=1,
+    )
+    found = Winners(
+        values=device.upload(scene.disparity),
+        validity=device.zeros(shape, np.uint8),
+        score=device.zeros(shape, np.float32),
+        ratio=device.zeros(shape, np.float32),
+    )
+    return settle(device, found, around, noise=1.0)
+
+
 def _triangulating(device: Backend, scene: BenchScene) -> object:
     return triangulate_on(device, device.upload(scene.disparity), View.RIGHT, scene.pair)
 
@@ -217,7 +237,14 @@ KERNELS = (
     KernelCase(name="support", kernel="support", stage=_FAST),
     KernelCase(name="vote", kernel="vote", stage=_PRECISE, after="aggregate"),
     KernelCase(name="guided_support", kernel="guided_support", stage=_PRECISE, after="aggregate"),
+    KernelCase(name="cells", kernel="cells", stage=_PRECISE, after="aggregate"),
+    KernelCase(name="planes", kernel="planes", stage=_PRECISE, after="aggregate"),
     KernelCase(name="plane_fit", kernel="plane_fit", stage=_PRECISE, after="aggregate"),
+    # Of each side a difference and its slope; both held against each other and the largest.
+    KernelCase(name="slopes", kernel="slopes", stage=_settling, operations=_constant(20)),
+    # 25 samples: their place (6), the other view there and how it rises (11), both rises (3), three differences of
+    # colours and their weight (15), six weighted sums (14).
+    KernelCase(name="evidence", kernel="evidence", stage=_settling, operations=_constant(25 * 49)),
     KernelCase(name="choose", kernel="choose", stage=_choosing),
     KernelCase(name="fill", kernel="fill", stage=_FAST),
     KernelCase(name="confidence", kernel="confidence", stage=_downloading(Profile.FAST), operations=_constant(6)),
