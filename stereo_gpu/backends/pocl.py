@@ -25,6 +25,8 @@ _TARGETS = (
 )
 _RECORD_BYTES = 4096  # the name's address stands 640 bytes into the record of PoCL 3.0; others may differ
 _POINTER = 8
+_TRIES = 3
+_NAMES: dict[int, str] = {}  # by the address of the device's record
 
 
 def obstacle(device: cl.Device) -> tuple[str, str]:
@@ -36,7 +38,7 @@ def obstacle(device: cl.Device) -> tuple[str, str]:
         return "", ""
     if shutil.which("ld") is None:
         return "PoCL links each kernel with the linker ld, which is not installed", "apt-get install binutils"
-    if _is_unknown(device) and not _name_processor(device):
+    if _is_unknown(device) and not _named(device):
         reason = "this PoCL does not know this processor and would refuse every kernel"
         return reason, "use a newer PoCL (with LLVM 15 or newer) or another OpenCL driver"
     return "", ""
@@ -44,7 +46,7 @@ def obstacle(device: cl.Device) -> tuple[str, str]:
 
 def processor(device: cl.Device) -> str:
     """The processor that kernels are built for in the place of one that PoCL does not know; else empty."""
-    return _name_processor(device) if _is_pocl(device) and _is_unknown(device) else ""
+    return _named(device) if _is_pocl(device) and _is_unknown(device) else ""
 
 
 def build_options(device: cl.Device) -> list[str]:
@@ -64,6 +66,15 @@ def _is_pocl(device: cl.Device) -> bool:
 
 def _is_unknown(device: cl.Device) -> bool:
     return bool(device.version.strip().endswith("-generic"))
+
+
+def _named(device: cl.Device) -> str:
+    """The name that a device was given; it is looked for once, and again while the record cannot be read."""
+    # The list of memory comes in pieces, between which other threads may change it.
+    for _ in range(_TRIES):
+        if not _NAMES.get(device.int_ptr):
+            _NAMES[device.int_ptr] = _name_processor(device)
+    return _NAMES[device.int_ptr]
 
 
 def _name_processor(device: cl.Device) -> str:
