@@ -699,6 +699,78 @@ def triangulate(disparity, direction, focal_px, baseline, cx_left, cx_right, cy)
     return points
 
 
+def share_around(flags, x, y, radius):
+    """Share of the (2 radius + 1) squared places around (x, y) in the picture at which a flag is set."""
+    around = flags[max(0, y - radius) : y + radius + 1, max(0, x - radius) : x + radius + 1]
+    return np.count_nonzero(around) / around.size
+
+
+def agreement(checked, taken, radius):
+    """Share of the surroundings that has a value and is not taken."""
+    good = ~np.isnan(checked) & (taken == 0)
+    return np.array([[share_around(good, x, y, radius) for x in range(good.shape[1])] for y in range(good.shape[0])])
+
+
+def majority(wanted, plane, disparity, radius):
+    """Take the plane where at least half of the surroundings want it."""
+    taken = np.zeros(wanted.shape, np.uint8)
+    for y, x in zip(*np.nonzero(~np.isnan(plane)), strict=True):
+        taken[y, x] = share_around(wanted, x, y, radius) >= 0.5
+    return np.where(taken, plane, disparity), taken
+
+
+def mixed_plane(planes, x, y, pitch):
+    """Value at (x, y), slopes and share of the four planes around, by distance and the cube of shares; None if none."""
+    half = (pitch - 1) / 2
+    column, row = math.floor((x - half) / pitch), math.floor((y - half) / pitch)
+    a, b = (x - half) / pitch - column, (y - half) / pitch - row
+    weight, mixed = 0.0, np.zeros(4)
+    for j, i in np.ndindex(2, 2):
+        v, u = clamp(row + j, planes.shape[1]), clamp(column + i, planes.shape[2])
+        value, along_x, along_y, share = planes[:, v, u].astype(float)
+        if not math.isnan(value):
+            w = (a if i else 1 - a) * (b if j else 1 - b) * (share**3 + 1e-4)
+            here = value + along_x * (x - u * pitch - half) + along_y * (y - v * pitch - half)
+            weight += w
+            mixed += w * np.array([here, along_x, along_y, share])
+    return mixed / weight if weight > 0 else None
+
+
+def unexplained(reference, other, x, y, direction, disparity, along_x, along_y):
+    """Variance over 5 x 5 pixels of the difference of the views on a leaning surface, edges repeated."""
+    height, width = reference.shape
+    left = []
+    for j in range(-2, 3):
+        for i in range(-2, 3):
+            row, column = clamp(y + j, height), clamp(x + i, width)
+            shift = direction * (disparity + along_x * i + along_y * j)
+            u, share = column + math.floor(shift), shift - math.floor(shift)
+            seen = other[row, clamp(u, width)] * (1 - share) + other[row, clamp(u + 1, width)] * share
+            left.append(float(reference[row, column]) - seen)
+    return float(np.var(left))
+
+
+def flat(reference, other, planes, disparity, agreement, pitch, direction, noise, least_agreement, least_share):
+    """Plane, slopes, and whether the plane is wanted, at every pixel."""
+    height, width = reference.shape
+    found, wanted = np.zeros((3, height, width)), np.zeros((height, width), np.uint8)
+    for y in range(height):
+        for x in range(width):
+            mixed = mixed_plane(planes, x, y, pitch)
+            if mixed is None:
+                found[0, y, x] = math.nan
+                continue
+            found[:, y, x] = mixed[:3]
+            if not (agreement[y, x] < least_agreement and mixed[3] > least_share):
+                continue
+            mine = unexplained(reference, other, x, y, direction, *mixed[:3])
+            given = float(disparity[y, x])
+            theirs = 1e6 if math.isnan(given) else unexplained(reference, other, x, y, direction, given, 0, 0)
+            outside = not 0 <= x + direction * mixed[0] <= width - 1
+            wanted[y, x] = mine <= theirs + 1.5 * noise and (mine <= 16 * noise or outside)
+    return *found, wanted
+
+
 def bilinear(picture, u, v):
     """Sample of a (H, W, C) picture at column u, row v, the edge repeated."""
     height, width = picture.shape[:2]
