@@ -5,33 +5,60 @@
 #define HIGHEST 33 // rows of cells that are held, at most
 #define LINE 128   // and cells of a row
 
-// The cells around LANES planes: every spacing-th stands beside the other, so that those as far from each of the
-// planes do; zeros outside of the picture. Of each its weight, column, row and disparity.
+// The cells around LANES planes, of each its weight, column, row and disparity. Every spacing-th of a row stands beside
+// the other, so that those as far from each of the planes do. Rows are held until those HIGHEST further down come.
 typedef struct {
     float at[HIGHEST][4][LINE];
 } Cells;
 
-inline void load_cells(
-    Cells *held, __global const float *cells, int cells_wide, int cells_high, int left, int top, int rows, int spacing,
-    int pitch)
+// Of the rows of cells around a plane, where those within reach begin and end.
+typedef struct {
+    int first[HIGHEST], last[HIGHEST];
+} Disc;
+
+// How far at least a place in the cells at `offset` from a plane's own first one is from its middle along an axis, px.
+inline float least_apart(int offset, int cell, int spacing)
 {
-    long count = (long)cells_wide * cells_high;
+    float middle = 0.5f * (float)(cell * spacing - 1), begins = (float)(offset * cell), ends = begins + (float)(cell - 1);
+    float apart = begins > middle ? begins - middle : middle > ends ? middle - ends : 0.0f;
+    return apart > 0.5f ? apart - 0.5f : 0.0f; // rounding may carry a mean out of its cell
+}
+
+inline void lay_out(Disc *disc, int rows, int cell, int spacing, int reach)
+{
+    float furthest = (float)(cell * reach);
     for (int j = 0; j < rows; j++) {
-        int inside = top + j >= 0 && top + j < cells_high;
-        __global const float *row = cells + (long)(inside ? top + j : 0) * cells_wide;
-        for (int phase = 0; phase < spacing; phase++) {
-            for (int k = 0; k < pitch; k++) {
-                int x = left + phase + k * spacing, there = inside && x >= 0 && x < cells_wide, p = there ? x : 0;
-                for (int i = 0; i < 4; i++) held->at[j][i][phase * pitch + k] = there ? row[i * count + p] : 0.0f;
-            }
+        float down = least_apart(spacing / 2 - reach + j, cell, spacing);
+        disc->first[j] = rows;
+        disc->last[j] = -1;
+        for (int i = 0; i < rows; i++) {
+            float across = least_apart(spacing / 2 - reach + i, cell, spacing);
+            if (across * across + down * down >= furthest * furthest) continue;
+            if (i < disc->first[j]) disc->first[j] = i;
+            disc->last[j] = i;
         }
     }
 }
 
-// The same as in robust_plane.h for LANES planes from column `first` of a row on.
+inline void load_cells(
+    Cells *held, __global const float *cells, int cells_wide, int cells_high, int left, int y, int slot, int spacing,
+    int pitch)
+{
+    int inside = y >= 0 && y < cells_high;
+    for (int i = 0; i < 4; i++) {
+        __global const float *row = cells + ((long)i * cells_high + (inside ? y : 0)) * cells_wide;
+        for (int phase = 0; phase < spacing; phase++) {
+            float *line = held->at[slot][i] + phase * pitch;
+            for (int k = 0, x = left + phase; k < pitch; k++, x += spacing)
+                line[k] = inside && x >= 0 && x < cells_wide ? row[x] : 0.0f;
+        }
+    }
+}
+
+// The same as in robust_plane.h for LANES planes from column `first` of a row on, whose uppermost cells are at `slot`.
 inline __attribute__((always_inline)) void fit_planes(
-    const Cells *held, int planes_wide, long planes, int first, int row, int cell, int spacing, int reach, int pitch,
-    float tolerance, __global float *planes_out)
+    const Cells *held, const Disc *disc, int planes_wide, long planes, int first, int row, int slot, int cell,
+    int spacing, int reach, int pitch, float tolerance, __global float *planes_out)
 {
     int side = cell * spacing, rows = 2 * reach + 1;
     lanes centre_x = __builtin_convertvector((lane_numbers() + first) * side, lanes) + 0.5f * (float)(side - 1);
@@ -44,18 +71,22 @@ inline __attribute__((always_inline)) void fit_planes(
         lanes n = 0.0f, sum_x = 0.0f, sum_y = 0.0f, sum_v = 0.0f;
         lanes sum_xx = 0.0f, sum_xy = 0.0f, sum_yy = 0.0f, sum_xv = 0.0f, sum_yv = 0.0f;
         for (int j = 0; j < rows; j++) {
+            const float (*line)[LINE] = held->at[(slot + j) % HIGHEST];
             // The place of the i-th cell: i % spacing and i / spacing.
-            int phase = 0, k = 0;
-            for (int i = 0; i < rows; i++) {
+            int phase = disc->first[j] % spacing, k = disc->first[j] / spacing;
+            for (int i = disc->first[j]; i <= disc->last[j]; i++) {
                 int at = phase * pitch + k;
-                lanes dx = *(const lanes *)(held->at[j][1] + at) - centre_x;
-                lanes dy = *(const lanes *)(held->at[j][2] + at) - centre_y;
-                lanes v = *(const lanes *)(held->at[j][3] + at) - value;
+                lanes dx = *(const lanes *)(line[1] + at) - centre_x;
+                lanes dy = *(const lanes *)(line[2] + at) - centre_y;
+                lanes v = *(const lanes *)(line[3] + at) - value;
                 lanes near = 1.0f - (dx * dx + dy * dy) * inverse;
                 near = near > 0.0f ? near : 0.0f;
-                lanes off = (v - along_x * dx - along_y * dy) * sharpness;
-                lanes like = 1.0f / (1.0f + off * off);
-                lanes weight = *(const lanes *)(held->at[j][0] + at) * (near * near * near) * (like * like);
+                lanes weight = *(const lanes *)(line[0] + at) * (near * near * near);
+                if (round) {
+                    lanes off = (v - along_x * dx - along_y * dy) * sharpness;
+                    lanes like = 1.0f / (1.0f + off * off);
+                    weight *= like * like;
+                }
                 lanes weighted_x = weight * dx, weighted_y = weight * dy;
                 n += weight;
                 sum_x += weighted_x;
@@ -88,15 +119,16 @@ inline __attribute__((always_inline)) void fit_planes(
     }
     lanes whole = 0.0f, on_it = 0.0f;
     for (int j = 0; j < rows && any_lane(fits); j++) {
-        int phase = 0, k = 0;
-        for (int i = 0; i < rows; i++) {
+        const float (*line)[LINE] = held->at[(slot + j) % HIGHEST];
+        int phase = disc->first[j] % spacing, k = disc->first[j] / spacing;
+        for (int i = disc->first[j]; i <= disc->last[j]; i++) {
             int at = phase * pitch + k;
-            lanes dx = *(const lanes *)(held->at[j][1] + at) - centre_x;
-            lanes dy = *(const lanes *)(held->at[j][2] + at) - centre_y;
+            lanes dx = *(const lanes *)(line[1] + at) - centre_x;
+            lanes dy = *(const lanes *)(line[2] + at) - centre_y;
             lanes near = 1.0f - (dx * dx + dy * dy) * inverse;
             near = near > 0.0f ? near : 0.0f;
-            lanes off = *(const lanes *)(held->at[j][3] + at) - value - along_x * dx - along_y * dy;
-            lanes weight = *(const lanes *)(held->at[j][0] + at) * (near * near * near);
+            lanes off = *(const lanes *)(line[3] + at) - value - along_x * dx - along_y * dy;
+            lanes weight = *(const lanes *)(line[0] + at) * (near * near * near);
             whole += weight;
             on_it += magnitude(off) <= tolerance ? weight : 0.0f;
             if (++phase == spacing) {
@@ -133,22 +165,28 @@ __kernel void planes(
     __global float *planes_out)
 {
     int2 band = band_of_rows(planes_high);
-    int rows = 2 * reach + 1, pitch = LANES + 2 * reach / spacing + 1;
-    int holds = rows <= HIGHEST && spacing <= LINE && spacing * pitch <= LINE;
+    int rows = 2 * reach + 1, pitch = LANES + 2 * reach / spacing + 1, corner = spacing / 2 - reach;
+    int holds = rows <= HIGHEST && spacing <= HIGHEST && spacing * pitch <= LINE;
     Cells held;
-    for (int row = band.x; row < band.y; row++) {
-        for (int first = 0; first < planes_wide; first += LANES) {
+    Disc disc;
+    if (holds) lay_out(&disc, rows, cell, spacing, reach);
+    for (int first = 0; first < planes_wide; first += LANES) {
+        int slot = 0, loaded = 0;
+        for (int row = band.x; row < band.y; row++) {
             if (!holds) {
                 for (int column = first; column < planes_wide && column < first + LANES; column++)
                     fit_plane(cells, cells_wide, cells_high, planes_wide, planes_high, column, row, cell, spacing, reach,
                               tolerance, planes_out);
                 continue;
             }
-            int corner = spacing / 2 - reach;
-            load_cells(&held, cells, cells_wide, cells_high, first * spacing + corner, row * spacing + corner, rows,
-                       spacing, pitch);
-            fit_planes(&held, planes_wide, (long)planes_wide * planes_high, first, row, cell, spacing, reach, pitch,
-                       tolerance, planes_out);
+            // The rows that the planes above do not share.
+            for (int j = loaded; j < rows; j++)
+                load_cells(&held, cells, cells_wide, cells_high, first * spacing + corner, row * spacing + corner + j,
+                           (slot + j) % HIGHEST, spacing, pitch);
+            fit_planes(&held, &disc, planes_wide, (long)planes_wide * planes_high, first, row, slot, cell, spacing, reach,
+                       pitch, tolerance, planes_out);
+            loaded = rows > spacing ? rows - spacing : 0;
+            slot = (slot + spacing) % HIGHEST;
         }
     }
 }
