@@ -223,6 +223,10 @@ def _plane_grid(call: Call) -> Geometry:
     return Geometry((call["planes_wide"], call["planes_high"]))
 
 
+def _plane_rows(call: Call) -> Geometry:
+    return Geometry((call["planes_high"],))
+
+
 def _plane_bands(call: Call) -> Geometry:
     return Geometry((min(call["planes_high"], 8 * call.units),), alone=True)
 
@@ -296,6 +300,7 @@ _ON_CPU: dict[str, dict[str, Callable[[Call], Geometry]]] = {
         "merge": _rows,
         "ncc_wta": _ncc_winners_in_warp,
         "plane_fit": _rows,
+        "planes": _plane_rows,
         "rectify": _rows,
         "slant": _rows,
         "smooth": _rows,
