@@ -5,7 +5,7 @@ A work-item takes a row of planes, and sums up for LANES of them side by side.
 
 import warp as wp
 
-from stereo_gpu.kernels.warp.lanes import LANES, Floats, Ints, aligned, floats, ints, place, put
+from stereo_gpu.kernels.warp.lanes import LANES, Floats, Ints, aligned, floats, ints, put
 from stereo_gpu.kernels.warp.robust_plane import FIT_ENOUGH, FIT_STIFF, FITS, WIDEST_SCALE, fit_plane, solve
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
@@ -204,8 +204,8 @@ def planes(
                 put(memory, N, Floats(tolerance))
             for j in range(rows):
                 for i in range(disc[FIRST + j], disc[LAST + j] + 1):
-                    place_of = 4 * j * LINE + i % spacing * pitch + i // spacing
-                    add_cells(memory, place_of, centre_y, inverse, sharpness, wp.where(round < FITS, 1, 0))
+                    spot = 4 * j * LINE + i % spacing * pitch + i // spacing
+                    add_cells(memory, spot, centre_y, inverse, sharpness, wp.where(round < FITS, 1, 0))
             if round < FITS:
                 solve_all(at, stiff)
             sharpness = wp.where(sharpness > 0.0, 2.0 * sharpness, 1.0 / WIDEST_SCALE)
