@@ -239,6 +239,11 @@ KERNELS = (
     KernelCase(name="guided_support", kernel="guided_support", stage=_PRECISE, after="aggregate"),
     KernelCase(name="cells", kernel="cells", stage=_PRECISE, after="aggregate"),
     KernelCase(name="planes", kernel="planes", stage=_PRECISE, after="aggregate"),
+    # Whether a pixel counts (2), its place in two running sums in two directions (4), the share.
+    KernelCase(name="agreement", kernel="agreement", stage=_PRECISE, after="aggregate", operations=_constant(7)),
+    KernelCase(name="flat", kernel="flat", stage=_PRECISE, after="aggregate"),
+    # Two running sums in two directions (4), whether they are enough (2).
+    KernelCase(name="majority", kernel="majority", stage=_PRECISE, after="aggregate", operations=_constant(6)),
     KernelCase(name="plane_fit", kernel="plane_fit", stage=_PRECISE, after="aggregate"),
     # Of each side a difference and its slope; both held against each other and the largest.
     KernelCase(name="slopes", kernel="slopes", stage=_settling, operations=_constant(20)),
