@@ -14,6 +14,7 @@ import pytest
 import test_guided_kernels
 import test_kernel_forms
 import test_matching_kernels
+import test_plane_kernels
 from conftest import missing
 
 import stereo_gpu as sg
@@ -69,7 +70,7 @@ def forms(narrow):
 def collected():
     """The tests of the forms, and those of the kernels that have no such test, but for the slowest."""
     found = {n: test for n, test in vars(test_kernel_forms).items() if n.startswith("test_")}
-    for name, test in (vars(test_matching_kernels) | vars(test_guided_kernels)).items():
+    for name, test in (vars(test_matching_kernels) | vars(test_guided_kernels) | vars(test_plane_kernels)).items():
         if name.startswith("test_") and "backend" in inspect.signature(test).parameters and name != SLOW:
             assert name not in found, f"two tests are called {name}"
             found[name] = test

@@ -35,6 +35,9 @@ ARGUMENTS = {
     "triangles": 1,
     "texture_width": 1,
     "texture_height": 1,
+    "cell": 4,
+    "planes_wide": WIDTH // 8,
+    "planes_high": HEIGHT // 8,
 }
 
 

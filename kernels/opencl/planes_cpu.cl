@@ -67,9 +67,11 @@ inline __attribute__((always_inline)) void fit_planes(
     float stiff = FIT_STIFF * (float)(cell * cell), sharpness = 0.0f;
     lanes value = 0.0f, along_x = 0.0f, along_y = 0.0f;
     int_lanes fits = -1;
+    lanes nears[HIGHEST * HIGHEST];
     for (int round = 0; round < FITS; round++) {
         lanes n = 0.0f, sum_x = 0.0f, sum_y = 0.0f, sum_v = 0.0f;
         lanes sum_xx = 0.0f, sum_xy = 0.0f, sum_yy = 0.0f, sum_xv = 0.0f, sum_yv = 0.0f;
+        lanes *kept = nears;
         for (int j = 0; j < rows; j++) {
             const float (*line)[LINE] = held->at[(slot + j) % HIGHEST];
             // The place of the i-th cell: i % spacing and i / spacing.
@@ -79,10 +81,14 @@ inline __attribute__((always_inline)) void fit_planes(
                 lanes dx = *(const lanes *)(line[1] + at) - centre_x;
                 lanes dy = *(const lanes *)(line[2] + at) - centre_y;
                 lanes v = *(const lanes *)(line[3] + at) - value;
-                lanes near = 1.0f - (dx * dx + dy * dy) * inverse;
-                near = near > 0.0f ? near : 0.0f;
-                lanes weight = *(const lanes *)(line[0] + at) * (near * near * near);
-                if (round) {
+                lanes weight;
+                if (!round) {
+                    lanes near = 1.0f - (dx * dx + dy * dy) * inverse;
+                    near = near > 0.0f ? near : 0.0f;
+                    weight = *(const lanes *)(line[0] + at) * (near * near * near);
+                    *kept++ = weight;
+                } else {
+                    weight = *kept++;
                     lanes off = (v - along_x * dx - along_y * dy) * sharpness;
                     lanes like = 1.0f / (1.0f + off * off);
                     weight *= like * like;
@@ -117,7 +123,7 @@ inline __attribute__((always_inline)) void fit_planes(
         value += sum_v * one - along_x * mean_x - along_y * mean_y;
         sharpness = round ? 2.0f * sharpness : 1.0f / WIDEST_SCALE;
     }
-    lanes whole = 0.0f, on_it = 0.0f;
+    lanes whole = 0.0f, on_it = 0.0f, *kept = nears;
     for (int j = 0; j < rows && any_lane(fits); j++) {
         const float (*line)[LINE] = held->at[(slot + j) % HIGHEST];
         int phase = disc->first[j] % spacing, k = disc->first[j] / spacing;
@@ -125,10 +131,7 @@ inline __attribute__((always_inline)) void fit_planes(
             int at = phase * pitch + k;
             lanes dx = *(const lanes *)(line[1] + at) - centre_x;
             lanes dy = *(const lanes *)(line[2] + at) - centre_y;
-            lanes near = 1.0f - (dx * dx + dy * dy) * inverse;
-            near = near > 0.0f ? near : 0.0f;
-            lanes off = *(const lanes *)(line[3] + at) - value - along_x * dx - along_y * dy;
-            lanes weight = *(const lanes *)(line[0] + at) * (near * near * near);
+            lanes off = *(const lanes *)(line[3] + at) - value - along_x * dx - along_y * dy, weight = *kept++;
             whole += weight;
             on_it += magnitude(off) <= tolerance ? weight : 0.0f;
             if (++phase == spacing) {
