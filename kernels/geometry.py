@@ -291,10 +291,13 @@ _ON_CPU: dict[str, dict[str, Callable[[Call], Geometry]]] = {
     },
     "warp": {
         "aggregate": _paths_in_warp,
+        "agreement": _rows,
         "consistency": _rows,
+        "evidence": _rows,
         "grey": _rows,
         "guided_support": _rows,
         "lowest": _pixels,
+        "majority": _rows,
         "match_cost": _rows,
         "median": _rows,
         "merge": _rows,
