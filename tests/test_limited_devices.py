@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import test_flat_kernels
 import test_geometry_kernels
 import test_match_cost
 import test_matching_kernels
@@ -56,7 +57,8 @@ def backend(request):
 
 def kernel_tests():
     found = {}
-    for module in (test_geometry_kernels, test_match_cost, test_matching_kernels, test_smooth_path_kernels):
+    modules = test_geometry_kernels, test_match_cost, test_matching_kernels, test_smooth_path_kernels, test_flat_kernels
+    for module in modules:
         for name, test in vars(module).items():
             if name.startswith("test_") and "backend" in inspect.signature(test).parameters:
                 assert name not in found, f"two kernel tests are called {name}"

@@ -11,6 +11,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+import test_flat_kernels
 import test_guided_kernels
 import test_kernel_forms
 import test_matching_kernels
@@ -70,7 +71,8 @@ def forms(narrow):
 def collected():
     """The tests of the forms, and those of the kernels that have no such test, but for the slowest."""
     found = {n: test for n, test in vars(test_kernel_forms).items() if n.startswith("test_")}
-    for name, test in (vars(test_matching_kernels) | vars(test_guided_kernels) | vars(test_plane_kernels)).items():
+    modules = test_matching_kernels, test_guided_kernels, test_plane_kernels, test_flat_kernels
+    for name, test in [item for module in modules for item in vars(module).items()]:
         if name.startswith("test_") and "backend" in inspect.signature(test).parameters and name != SLOW:
             assert name not in found, f"two tests are called {name}"
             found[name] = test
