@@ -117,7 +117,14 @@ def test_where_nothing_is_asked_or_known(backend):
 @pytest.mark.parametrize(("name", "form"), FORMS)
 def test_the_same_bits(name, form, shape):
     first, other = opened(*FORMS[0]), opened(name, form)
-    for direction, weighted, stride, radius in ((1, 1, 1, 2), (-1, 0, 2, 2), (1, 1, 2, 1), (-1, 1, 3, 2), (1, 0, 1, 4)):
+    for direction, weighted, stride, radius in (
+        (1, 1, 1, 2),
+        (-1, 0, 2, 2),
+        (1, 1, 2, 1),
+        (-1, 1, 3, 2),
+        (1, 0, 1, 4),
+        (1, 1, 2, 17),
+    ):
         *given, _ = scene(shape, direction)
         numbers = {"radius": radius, "stride": stride, "direction": direction, "weighted": weighted, **STEP}
         found = [launched(backend, *given, **numbers, keep=16.0) for backend in (first, other)]

@@ -251,7 +251,7 @@ INLINE void evidence_lanes(
 #endif
         sums = add_anywhere(reference, other, guide, &block, x, y, width, height, radius, stride, way, weighted);
     lanes n = sums.n;
-    int_lanes tells = given & n >= EVIDENCE_ENOUGH;
+    int_lanes tells = given & (n >= EVIDENCE_ENOUGH);
     lanes gg = sums.gg - sums.g * sums.g / n, ge = sums.ge - sums.g * sums.e / n, ee = sums.ee - sums.e * sums.e / n;
     gg = gg > 0.0f ? gg : 0.0f;
     lanes step = way * ge / (gg + damping * noise);

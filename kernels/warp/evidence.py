@@ -21,6 +21,102 @@ def sample_weight(guide: wp.array(dtype=wp.uint8), pixels: int, here: int, there
     return likeness(UNLIKE - difference)
 
 
+@wp.func
+def settled(
+    value: float,
+    n: float,
+    sum_g: float,
+    sum_e: float,
+    sum_gg: float,
+    sum_ge: float,
+    sum_ee: float,
+    way: float,
+    noise: float,
+    damping: float,
+    largest_step: float,
+    keep: float,
+) -> wp.vec3:
+    """Where a value moves to, the information and the residual, from weighted sums of rises g and differences e."""
+    if not (n >= EVIDENCE_ENOUGH):
+        return wp.vec3(value, 0.0, UNKNOWN)
+    gg = wp.max(sum_gg - sum_g * sum_g / n, 0.0)  # rounding alone takes it below
+    ge = sum_ge - sum_g * sum_e / n
+    ee = sum_ee - sum_e * sum_e / n
+    step = wp.clamp(way * ge / (gg + damping * noise), -largest_step, largest_step)
+    residual = wp.max(ee - 2.0 * way * step * ge + step * step * gg, 0.0) / n
+    information = gg / (2.0 * noise + residual)
+    certain = float(0.0)
+    if information > 0.0:
+        certain = information / (information + keep)
+    return wp.vec3(value + step * certain, information, residual)
+
+
+@wp.func
+def evidence_at(
+    reference: wp.array(dtype=float),
+    other: wp.array(dtype=float),
+    guide: wp.array(dtype=wp.uint8),
+    x: int,
+    y: int,
+    value: float,
+    slope_x: float,
+    slope_y: float,
+    width: int,
+    height: int,
+    radius: int,
+    direction: int,
+    weighted: int,
+    noise: float,
+    damping: float,
+    largest_step: float,
+    keep: float,
+) -> wp.vec3:
+    """Where a pixel of this disparity and slopes moves to, the information and the residual; see the kernel."""
+    pixel = y * width + x
+    way = float(direction)
+    n = float(0.0)
+    sum_g = float(0.0)
+    sum_e = float(0.0)
+    sum_gg = float(0.0)
+    sum_ge = float(0.0)
+    sum_ee = float(0.0)
+    for j in range(-radius, radius + 1):
+        if y + j >= 0 and y + j < height:
+            row = (y + j) * width
+            across_row = value + slope_y * float(j)
+            for i in range(-radius, radius + 1):
+                near = x + i
+                # Counted from x, so that a part of a picture rounds as the whole of it.
+                u = float(i) + way * (across_row + slope_x * float(i))
+                left = int(u)
+                if float(left) > u:
+                    left -= 1
+                column = x + left
+                if near >= 1 and near <= width - 2 and column >= 1 and column <= width - 3:
+                    share = u - float(left)
+                    rest = 1.0 - share
+                    t0 = other[row + column - 1]
+                    t1 = other[row + column]
+                    t2 = other[row + column + 1]
+                    t3 = other[row + column + 2]
+                    rise = 0.5 * ((t2 - t0) * rest + (t3 - t1) * share)
+                    at = row + near
+                    g = 0.5 * (rise + 0.5 * (reference[at + 1] - reference[at - 1]))
+                    e = reference[at] - (t1 * rest + t2 * share)
+                    weight = float(1.0)
+                    if weighted != 0:
+                        weight = sample_weight(guide, width * height, pixel, at)
+                    weighted_g = weight * g
+                    weighted_e = weight * e
+                    n += weight
+                    sum_g += weighted_g
+                    sum_e += weighted_e
+                    sum_gg += weighted_g * g
+                    sum_ge += weighted_g * e
+                    sum_ee += weighted_e * e
+    return settled(value, n, sum_g, sum_e, sum_gg, sum_ge, sum_ee, way, noise, damping, largest_step, keep)
+
+
 # Half of a multiprocessor's threads at least; Warp's loop over the grid would take registers for its counters.
 @wp.kernel(launch_bounds=(256, 4), grid_stride=False)
 def evidence(
@@ -60,63 +156,27 @@ def evidence(
     y, x = wp.tid()
     pixel = y * width + x
     value = disparity[pixel]
-    moved_out[pixel] = value
-    information_out[pixel] = 0.0
-    residual_out[pixel] = UNKNOWN
-    if wp.isnan(value) or x % stride != 0 or y % stride != 0:
-        return
-    way = float(direction)
-    slope_x = along_x[pixel]
-    slope_y = along_y[pixel]
-    n = float(0.0)
-    sum_g = float(0.0)
-    sum_e = float(0.0)
-    sum_gg = float(0.0)
-    sum_ge = float(0.0)
-    sum_ee = float(0.0)
-    for j in range(-radius, radius + 1):
-        if y + j >= 0 and y + j < height:
-            row = (y + j) * width
-            across_row = value + slope_y * float(j)
-            for i in range(-radius, radius + 1):
-                near = x + i
-                # Counted from x, so that a part of a picture rounds as the whole of it.
-                u = float(i) + way * (across_row + slope_x * float(i))
-                left = wp.floor(u)
-                column = x + int(left)
-                if near >= 1 and near <= width - 2 and column >= 1 and column <= width - 3:
-                    share = u - left
-                    rest = 1.0 - share
-                    t0 = other[row + column - 1]
-                    t1 = other[row + column]
-                    t2 = other[row + column + 1]
-                    t3 = other[row + column + 2]
-                    rise = 0.5 * ((t2 - t0) * rest + (t3 - t1) * share)
-                    at = row + near
-                    g = 0.5 * (rise + 0.5 * (reference[at + 1] - reference[at - 1]))
-                    e = reference[at] - (t1 * rest + t2 * share)
-                    weight = float(1.0)
-                    if weighted != 0:
-                        weight = sample_weight(guide, width * height, pixel, at)
-                    weighted_g = weight * g
-                    weighted_e = weight * e
-                    n += weight
-                    sum_g += weighted_g
-                    sum_e += weighted_e
-                    sum_gg += weighted_g * g
-                    sum_ge += weighted_g * e
-                    sum_ee += weighted_e * e
-    if not (n >= EVIDENCE_ENOUGH):
-        return
-    gg = wp.max(sum_gg - sum_g * sum_g / n, 0.0)  # rounding alone takes it below
-    ge = sum_ge - sum_g * sum_e / n
-    ee = sum_ee - sum_e * sum_e / n
-    step = wp.clamp(way * ge / (gg + damping * noise), -largest_step, largest_step)
-    residual = wp.max(ee - 2.0 * way * step * ge + step * step * gg, 0.0) / n
-    information = gg / (2.0 * noise + residual)
-    certain = float(0.0)
-    if information > 0.0:
-        certain = information / (information + keep)
-    moved_out[pixel] = value + step * certain
-    information_out[pixel] = information
-    residual_out[pixel] = residual
+    found = wp.vec3(value, 0.0, UNKNOWN)
+    if not wp.isnan(value) and x % stride == 0 and y % stride == 0:
+        found = evidence_at(
+            reference,
+            other,
+            guide,
+            x,
+            y,
+            value,
+            along_x[pixel],
+            along_y[pixel],
+            width,
+            height,
+            radius,
+            direction,
+            weighted,
+            noise,
+            damping,
+            largest_step,
+            keep,
+        )
+    moved_out[pixel] = found[0]
+    information_out[pixel] = found[1]
+    residual_out[pixel] = found[2]
