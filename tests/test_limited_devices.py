@@ -17,6 +17,7 @@ import test_flat_kernels
 import test_geometry_kernels
 import test_match_cost
 import test_matching_kernels
+import test_plane_kernels
 import test_smooth_path_kernels
 from conftest import missing
 from test_smooth_path_kernels import PENALTIES
@@ -57,7 +58,14 @@ def backend(request):
 
 def kernel_tests():
     found = {}
-    modules = test_geometry_kernels, test_match_cost, test_matching_kernels, test_smooth_path_kernels, test_flat_kernels
+    modules = (
+        test_flat_kernels,
+        test_geometry_kernels,
+        test_match_cost,
+        test_matching_kernels,
+        test_plane_kernels,
+        test_smooth_path_kernels,
+    )
     for module in modules:
         for name, test in vars(module).items():
             if name.startswith("test_") and "backend" in inspect.signature(test).parameters:
