@@ -214,7 +214,8 @@ __kernel void flat(
                 store_lanes(plane_out + place, x, width, plane);
                 store_lanes(along_x_out + place, x, width, along_x);
                 store_lanes(along_y_out + place, x, width, along_y);
-                int_lanes wanted = found & share > least_share & load_some(agreement + place, x, width) < least_agreement;
+                lanes agreed = load_some(agreement + place, x, width);
+                int_lanes wanted = found & share > least_share & agreed < least_agreement;
                 if (any_lane(wanted)) {
                     lanes mine = unexplained_lanes(
                         reference, other, x, y, width, height, way, plane, along_x, along_y, wanted, 1);
