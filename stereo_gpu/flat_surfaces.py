@@ -16,15 +16,16 @@ from stereo_gpu.winners import Winners
 CELL = 4  # px; what is sure within it becomes one place of a surface
 SPACING = 2  # cells from one plane to the next
 REACH = 12  # cells around a plane that it is fitted to
-ROUNDS = 3  # each sees the slopes of the one before; planes grow into islands that both views agree on by chance
+ROUNDS = 4  # each sees the slopes of the one before; planes grow into islands that both views agree on by chance
 EVERY = 2  # rows and columns between the pixels whose evidence is asked for
 WINDOW = 2  # radius of the windows that tell evidence, px
-LEAST_INFORMATION = 4.0  # 1 / px^2: a standard deviation of half a pixel
+LEAST_INFORMATION = 12.0  # 1 / px^2: a standard deviation of 0.3 px
 AGREEMENT_REACH = 8  # px around a pixel that tell whether its winner can be trusted
 LEAST_AGREEMENT = 0.6  # of these, that both views agree on: with less the winner is a guess
-LEAST_SHARE = 0.8  # of what is sure around, that must lie on the plane
+ON_PLANE = 0.5  # px from a plane
+LEAST_SHARE = 0.65  # of what is sure around, that must lie on the plane
 DAMPING = 50.0  # of a step, in variances of the noise: faint texture moves little
-KEEP = 16.0  # 1 / px^2 that hold a disparity where it is: evidence of a quarter of a pixel moves it half way
+KEEP = 100.0  # 1 / px^2 that hold a disparity where it is: evidence to a tenth of a pixel moves it half way
 # How far a levelled pixel looks, px: every round at planes, their cells, and the windows of these.
 LEVEL_REACH = ROUNDS * (CELL * (REACH + SPACING) + WINDOW + 2) + AGREEMENT_REACH
 UNKNOWN = 1e6  # residual of a pixel that tells nothing, as in the kernel
@@ -88,7 +89,17 @@ def level_flats(backend: Backend, found: Winners, checked: Winners, around: Surr
     noise = _noise(backend, _weigh(backend, found.values, slopes, around, noise=1.0))
     level, taken = found.values, backend.zeros((height, width), np.uint8)
     for _ in range(ROUNDS):
-        evidence = _weigh(backend, level, slopes, around, noise=noise)
+        own = _map(backend, level)
+        backend.launch(
+            "unfilled",
+            disparity=level,
+            validity=found.validity,
+            taken=taken,
+            width=width,
+            height=height,
+            disparity_out=own,
+        )
+        evidence = _weigh(backend, own, slopes, around, noise=noise)
         planes = _fit(backend, evidence)
         level, taken, slopes = _choose(backend, found, checked, taken, planes, around, noise)
     return dataclasses.replace(found, values=level), noise
@@ -196,7 +207,7 @@ def _fit(backend: Backend, evidence: _Evidence) -> DeviceArray:
         cell=CELL,
         spacing=SPACING,
         reach=REACH,
-        tolerance=1.0,
+        tolerance=ON_PLANE,
         planes_out=planes,
     )
     return planes

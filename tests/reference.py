@@ -622,6 +622,11 @@ def fill(disparity, validity, axis, reach, near, edges, tolerance):
     return values, out
 
 
+def unfilled(disparity, validity, taken):
+    """The disparity without what was filled in (32) and not taken since."""
+    return np.where((validity & 32 != 0) & (taken == 0), np.nan, disparity)
+
+
 def cells(moved, information, cell, least):
     """Of each square cell: the weight of its pixels, and their weighted mean column, row and disparity."""
     height, width = moved.shape

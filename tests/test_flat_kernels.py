@@ -93,6 +93,20 @@ def scene(shape, pitch, direction):
     return {name: array.astype(np.float32) for name, array in arrays.items()}
 
 
+def test_unfilled(backend):
+    rng = np.random.default_rng(12)
+    shape = (17, 45)
+    disparity = rng.normal(9, 3, shape).astype(np.float32)
+    disparity[rng.random(shape) < 0.1] = np.nan
+    validity = rng.choice(np.array([0, 8, 32, 40], np.uint8), shape)
+    taken = (rng.random(shape) < 0.3).astype(np.uint8)
+    out = backend.upload(np.full(shape, 77, np.float32))
+    given = {"disparity": disparity, "validity": validity, "taken": taken}
+    held = {name: backend.upload(array) for name, array in given.items()}
+    backend.launch("unfilled", **held, width=45, height=17, disparity_out=out)
+    np.testing.assert_array_equal(backend.download(out), reference.unfilled(**given))
+
+
 @pytest.mark.parametrize("radius", [0, 2, 8])
 def test_agreement(backend, radius):
     arrays = checked_map((23, 41))
