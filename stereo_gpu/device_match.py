@@ -18,7 +18,7 @@ from stereo_gpu.windows import match_windows
 from stereo_gpu.winners import Winners
 
 # A map of smooth paths is believed if this share of its pixels has a confidence over that.
-SURE_SHARE, SURE = 0.1, 0.9
+SURE_SHARE, SURE = 0.04, 0.9
 # How likely a disparity of smooth paths is wrong by more than 1 px if another is as good.
 DOUBT = 0.4
 

@@ -38,6 +38,11 @@ class Levels(NamedTuple):
     grey: GreyLevels = GreyLevels()
     colours: tuple[float, ...] = (1.0, 0.0) * 3
 
+    @property
+    def flat(self) -> bool:
+        """Whether the picture is of one colour."""
+        return not any(self.colours[::2])
+
 
 @dataclass(frozen=True, kw_only=True)
 class DeviceView:

@@ -143,7 +143,7 @@ def match_in_tiles(
             match_tile(tile)
         else:
             values[tile.kept], validity[tile.kept], confidence[tile.kept] = np.nan, Validity.MASKED, 0
-    if options.smooth_paths and not is_founded(sure, given):
+    if options.smooth_paths and (any(level.flat for level in levels) or not is_founded(sure, given)):
         drop_all(values, validity)
         confidence[...] = 0
     return Disparity(

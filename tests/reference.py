@@ -482,8 +482,8 @@ def lowest(sums, validity, smallest, subpixel):
                 values[y, x] += np.float32(0.5) * np.float32(row[at - 1] - row[at + 1]) / bend
             lows[y, x] = best
             elsewhere = [v for i, v in enumerate(row) if abs(i - at) > 1 and v < UNMATCHED]
-            if elsewhere and min(elsewhere) > 0:
-                ratio[y, x] = np.float32(best) / np.float32(min(elsewhere))
+            if elsewhere:
+                ratio[y, x] = np.float32(best + 100) / np.float32(min(elsewhere) + 100)
     return values, lows, ratio, reasons
 
 

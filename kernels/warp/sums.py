@@ -6,6 +6,7 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 OUT_OF_RANGE = wp.constant(1)
 UNMATCHED = wp.constant(60000)  # sums from here on are no match
+FAINT = wp.constant(100)  # about what two places on a flat surface differ by
 
 
 @wp.func
@@ -22,8 +23,8 @@ def lowest_disparity(index: int, best: int, before: int, after: int, smallest: i
 
 @wp.func
 def sums_ratio(best: int, runner: int) -> float:
-    """How the winner stands out: its sum over the lowest one elsewhere, 1 where there is none."""
+    """How the winner stands out: its sum over the lowest one elsewhere, 1 where there is none; both with FAINT added."""
     ratio = float(1.0)
-    if runner < UNMATCHED and runner > 0:
-        ratio = float(best) / float(runner)
+    if runner < UNMATCHED:
+        ratio = float(best + FAINT) / float(runner + FAINT)
     return ratio
