@@ -85,8 +85,8 @@ def test_reference_views_are_equal_in_every_way(profile, depth):
     search = {"disparities": (0, 40), "profile": profile}
     straight = match(left, right, reference="left", **search)
     mirrored = match(right[:, ::-1].copy(), left[:, ::-1].copy(), reference="right", **search)
-    # The planes of precise sum rounded numbers from left to right, and lie in a grid that begins on the left.
-    tolerance = 1e-3 if profile == "precise" else 0
+    # The planes of precise lie in a grid that begins on the left.
+    tolerance = 1e-2 if profile == "precise" else 0
     same = np.isclose(straight.values, mirrored.values[:, ::-1], rtol=0, atol=tolerance, equal_nan=True)
     assert same.mean() >= (0.999 if profile == "precise" else 1)
     np.testing.assert_array_equal(straight.validity[same], mirrored.validity[:, ::-1][same])
