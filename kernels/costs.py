@@ -56,8 +56,10 @@ def cost(kernel: str, language: str, disparities: int, window: int, rows: int) -
         # All 8 paths of three headings: a byte of cost, the sum in and out, but for the first path, which sets it;
         # three paths in, one out.
         "aggregate": Cost("cell", 38.0, 8 * 4.5, 0.0, 8 * 34.0),
-        # Three windows of two samples and a value, each with its weights and six sums; the plane's fit.
-        "slant": Cost("pixel", 20.0, 0.0, 3 * window**2 * 22 + 49 * 16, 3 * window**2 * 16 + 49 * 8),
+        # A sum, its key, the two lowest of a class; of a pixel 16 keys to shared memory and back twice.
+        "lowest": Cost("cell", 2.0 + 14 / disparities, 48 / disparities, 0.0, 9.0 + 110 / disparities),
+        # 25 samples, each with its place, both rises, the difference, its weight and six sums; the step's end.
+        "evidence": Cost("pixel", 35.0, 0.0, 25 * 36 + 40, 25 * 28 + 20),
         # A count of the neighbours, and about three steps to the middle.
         "median": Cost("pixel", 8.0, 0.0, 0.0, 25 * 6 + 3 * 25 * 7),
     }[kernel]

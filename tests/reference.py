@@ -487,66 +487,6 @@ def lowest(sums, validity, smallest, subpixel):
     return values, lows, ratio, reasons
 
 
-def slope(row, at, largest, reach=6):
-    """Change a pixel along a row of disparities: the mean of both sides, or the gentler one where they differ."""
-    sides = []
-    for a, b in ((at - reach, at), (at, at + reach)):
-        if a >= 0 and b < len(row) and abs((row[b] - row[a]) / reach) <= largest:
-            sides.append((row[b] - row[a]) / reach)
-    if len(sides) == 2 and abs(sides[0] - sides[1]) > 0.5:
-        return min(sides[::-1], key=abs)
-    return sum(sides) / len(sides) if sides else 0.0
-
-
-def slant(reference, other, disparity, radius, direction, step, largest_slope):
-    """Peak of the NCC of windows that lean with the least squares plane around each pixel."""
-    height, width = disparity.shape
-    values, scores = disparity.copy(), np.zeros((height, width))
-    for y in range(height):
-        for x in range(width):
-            if math.isnan(disparity[y, x]):
-                continue
-            sx, sy = slope(disparity[y], x, largest_slope), slope(disparity[:, x], y, largest_slope)
-            near = [
-                (i, j, disparity[y + j, x + i] - disparity[y, x])
-                for j in range(-6, 7, 2)
-                for i in range(-6, 7, 2)
-                if 0 <= y + j < height
-                and 0 <= x + i < width
-                and abs(disparity[y + j, x + i] - disparity[y, x] - sx * i - sy * j) <= 1
-            ]
-            centre = disparity[y, x]
-            i, j, v = np.array(near, float).T
-            spread = np.cov(i, j, bias=True) * len(near)
-            if len(near) >= 12 and np.linalg.det(spread) > len(near) ** 2:
-                offset, sx, sy = np.linalg.lstsq(np.column_stack([np.ones(len(i)), i, j]), v, rcond=None)[0]
-                centre += offset
-
-            def score(shift, x=x, y=y, centre=centre, sx=sx, sy=sy):
-                ours, theirs = [], []
-                for j in range(-radius, radius + 1):
-                    for i in range(-radius, radius + 1):
-                        at = clamp(y + j, height), clamp(x + i, width)
-                        plane = centre + sx * i + sy * j
-                        if abs(disparity[at] - plane) <= 1:
-                            ours.append(float(reference[at]))
-                            u = x + i + direction * (plane + shift)
-                            line = other[at[0] : at[0] + 1, :, None]
-                            theirs.append(float(bilinear(line, u, 0)[0]))
-                return (ncc(ours, theirs) if len(ours) * 3 >= (2 * radius + 1) ** 2 else None) or 0.0
-
-            here, below, above = score(0), score(-step), score(step)
-            moved, best = 0.0, here
-            if here >= below and here >= above:
-                if below - 2 * here + above < 0:
-                    moved = 0.5 * (below - above) / (below - 2 * here + above)
-            else:
-                moved, best = (-1.0, below) if below >= above else (1.0, above)
-            values[y, x] = centre + (moved if best >= 0.7 else 0.0) * step
-            scores[y, x] = max(best if best >= 0.7 else here, 0.0)
-    return values, scores
-
-
 def merge(maps, rival_maps, radius, margin):
     """The rival where its lowest sums are lower by more than margin on average around, or where it alone has a value.
 

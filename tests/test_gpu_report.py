@@ -60,12 +60,12 @@ def test_faults():
     good = Compiled("median", "sm_90", 32, 0, 0, 1.0)
     assert list(faults([good])) == []
     spills = Compiled("fill", "gfx90a", 32, 8, 0, 1.0)
-    thin = Compiled("slant", "sm_80", 90, 0, 0, 0.25)
+    thin = Compiled("evidence", "sm_80", 90, 0, 0, 0.25)
     calls = Compiled("bake", "gfx1030", 32, 0, 0, 1.0, calls=2)
     # Only the hot ones must fill half of a GPU.
     modest = Compiled("bake", "sm_80", 90, 0, 0, 0.25)
     lines = list(faults([good, spills, thin, calls, modest]))
-    assert [line.split(" on ")[0] for line in lines] == ["fill", "slant", "bake"]
+    assert [line.split(" on ")[0] for line in lines] == ["fill", "evidence", "bake"]
 
 
 def test_compiles_for_cuda():
@@ -84,6 +84,6 @@ def test_compiles_for_amd():
         find_clang()
     except FileNotFoundError as error:
         missing("clang", str(error))
-    found = compile_for_amd("slant")
+    found = compile_for_amd("evidence")
     assert [one.architecture for one in found] == ["gfx90a", "gfx1030", "gfx1100"]
     assert all(one.registers > 8 and not one.spilled and not one.calls and one.occupancy >= 0.5 for one in found)

@@ -97,30 +97,6 @@ def test_triangulate(forms, direction, size):
     assert np.isnan(points).any()
 
 
-@pytest.mark.parametrize("step", [0.5, 0.125, 0.75])
-@pytest.mark.parametrize("direction", [1, -1])
-@pytest.mark.parametrize("size", SIZES)
-def test_slant(forms, step, direction, size):
-    width, height = size
-    texture = np.random.default_rng(2).normal(0, 60, (2, height, width))
-    reference, other = (np.round(cv2.GaussianBlur(t, (0, 0), 1.0) * 3).astype(np.float32) for t in texture)
-    scores = assert_same(
-        forms,
-        "slant",
-        {"disparity_out": junk((height, width), np.float32), "score_out": junk((height, width), np.float32)},
-        reference=reference,
-        other=other,
-        disparity=rows_of_hills(width, height),
-        width=width,
-        height=height,
-        radius=4,
-        direction=direction,
-        step=step,
-        largest_slope=1.5,
-    )["score_out"]
-    assert scores.max() > 0.1 or min(size) < 9
-
-
 @pytest.mark.parametrize(("stride", "weighted", "direction"), [(1, 1, 1), (1, 0, -1), (2, 0, 1), (2, 1, -1), (3, 1, 1)])
 @pytest.mark.parametrize("size", [*SIZES, (33, 6), (35, 5)])
 def test_evidence(forms, stride, weighted, direction, size):

@@ -31,7 +31,7 @@ from stereo_gpu.errors import StereoError
 from stereo_gpu.kernels.costs import cost
 from stereo_gpu.kernels.geometry import geometry
 
-HOT = ("ncc_wta", "aggregate", "ncc_volume", "wta", "match_cost", "slant", "median")
+HOT = ("ncc_wta", "aggregate", "ncc_volume", "wta", "match_cost", "lowest", "evidence", "median")
 FULL_ENOUGH = 0.5
 KEPT = Path("gpu_report.json")
 

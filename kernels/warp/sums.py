@@ -23,7 +23,7 @@ def lowest_disparity(index: int, best: int, before: int, after: int, smallest: i
 
 @wp.func
 def sums_ratio(best: int, runner: int) -> float:
-    """How the winner stands out: its sum over the lowest one elsewhere, 1 where there is none; both with FAINT added."""
+    """How the winner stands out: its sum over the lowest one elsewhere, both with FAINT added; 1 where none is."""
     ratio = float(1.0)
     if runner < UNMATCHED:
         ratio = float(best + FAINT) / float(runner + FAINT)

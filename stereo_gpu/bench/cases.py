@@ -185,6 +185,7 @@ KERNELS = (
     KernelCase(name="ncc_volume", kernel="ncc_volume", stage=_PAPER, per="cell", operations=_constant(9)),
     # A peak is told from its neighbours, and held against the best and the second best; the other view's winner.
     KernelCase(name="wta", kernel="wta", stage=_PAPER, per="cell", after="ncc_volume", operations=_constant(5)),
+    KernelCase(name="masked", kernel="masked", stage=_path_view, operations=_constant(1)),
     # Of each plane a product, two sums, two comparisons.
     KernelCase(name="guide", kernel="guide", stage=_path_view, operations=_constant(15)),
     # Each of 24 bits: a comparison, and its place in the number.
@@ -244,6 +245,8 @@ KERNELS = (
     KernelCase(name="flat", kernel="flat", stage=_PRECISE, after="aggregate"),
     # Two running sums in two directions (4), whether they are enough (2).
     KernelCase(name="majority", kernel="majority", stage=_PRECISE, after="aggregate", operations=_constant(6)),
+    # Two comparisons, and the choice.
+    KernelCase(name="unfilled", kernel="unfilled", stage=_PRECISE, after="aggregate", operations=_constant(3)),
     KernelCase(name="plane_fit", kernel="plane_fit", stage=_PRECISE, after="aggregate"),
     # Of each side a difference and its slope; both held against each other and the largest.
     KernelCase(name="slopes", kernel="slopes", stage=_settling, operations=_constant(20)),
