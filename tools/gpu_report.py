@@ -89,7 +89,7 @@ def bound_lines() -> Iterable[str]:
     yield "| kernel | per | bytes | words | numbers | whole numbers | " + " | ".join(c.name for c in CHIPS) + " |"
     yield "| --- | --- |" + " ---: |" * (4 + len(CHIPS))
     for kernel in HOT:
-        cells = []
+        cells: list[str] = []
         for chip in CHIPS:
             rows = geometry(kernel, chip.language, "gpu", ARGUMENTS, chip.units).scalars.get("rows", HEIGHT)
             work = cost(kernel, chip.language, DISPARITIES, WINDOW, rows)
