@@ -27,10 +27,11 @@ def pairs(data: Path, scene_width: int) -> Iterator[tuple[str, np.ndarray, np.nd
     if data.is_dir():
         folder = data / "stereo"
         names = ("motorcycle_left.png", "motorcycle_right.png")
-        yield "motorcycle", *(sg.read_image(folder / "motorcycle" / name) for name in names), (0, 64)
+        left, right = (sg.read_image(folder / "motorcycle" / name) for name in names)
+        yield "motorcycle", left, right, (0, 64)
         teddy = [sg.read_image(folder / "teddy" / name) for name in ("im2.png", "im6.png")]
-        large = [cv2.resize(picture, None, fx=2.5, fy=2.5, interpolation=cv2.INTER_CUBIC) for picture in teddy]
-        yield "teddy x 2.5", *large, (20, 130)
+        left, right = (cv2.resize(one, None, fx=2.5, fy=2.5, interpolation=cv2.INTER_CUBIC) for one in teddy)
+        yield "teddy x 2.5", left, right, (20, 130)
     if scene_width:
         scene = build_scene((scene_width, scene_width * 3 // 4))
         pair = sg.rectify(*render_pair(scene), scene.rig)
