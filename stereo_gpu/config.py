@@ -29,7 +29,7 @@ class MatchOptions:
         smooth_paths: whether the winner is taken over costs of census and colour that are smoothed along 8 paths
             (semi-global), in place of NCC alone; the options from here to slope_margin are theirs.
         small_penalty, large_penalty: of a disparity change of one, and of more, along such a path; a pixel's cost is
-            0..146.
+            0..146. Grey pictures have penalties of their own, see smooth_paths.py.
         edge_small_penalty, edge_large_penalty: the same where the picture has an edge.
         edge_levels: change of a colour from one pixel to the next that is an edge, where 50 are the picture's standard
             deviation.
@@ -107,7 +107,7 @@ PROFILES = {
         edge_levels=15,
         row_slopes=(0, 1),
         slope_margin=24.0,  # 3 a path
-        consistency_px=0.7,
+        consistency_px=1.0,
         median=3,
         support_share=0.4,
         support_slope=0.3,

@@ -25,7 +25,7 @@ LEAST_AGREEMENT = 0.6  # of these, that both views agree on: with less the winne
 ON_PLANE = 0.5  # px from a plane
 LEAST_SHARE = 0.65  # of what is sure around, that must lie on the plane
 DAMPING = 50.0  # of a step, in variances of the noise: faint texture moves little
-KEEP = 100.0  # 1 / px^2 that hold a disparity where it is: evidence to a tenth of a pixel moves it half way
+KEEP = 50.0  # 1 / px^2 that hold a disparity where it is: evidence to 0.14 px moves it half way
 # How far a levelled pixel looks, px: every round at planes, their cells, and the windows of these.
 LEVEL_REACH = ROUNDS * (CELL * (REACH + SPACING) + WINDOW + 2) + AGREEMENT_REACH
 UNKNOWN = 1e6  # residual of a pixel that tells nothing, as in the kernel

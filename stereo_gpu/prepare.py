@@ -18,6 +18,7 @@ from stereo_gpu.types import Picture
 LEAST_CONTRAST = 1 / 16
 # Mean and standard deviation of a guide's planes.
 GUIDE_MEAN, GUIDE_DEVIATION = 128.0, 50.0
+COLOURED = 0.02
 # A picture's mean and deviation are taken of about so many pixels.
 ENOUGH_PIXELS = 1 << 20
 
@@ -32,11 +33,13 @@ class GreyLevels(NamedTuple):
 class Levels(NamedTuple):
     """How a picture's values are matched: as grey levels, and as colours of known mean and contrast.
 
-    `colours` are a gain and an offset for each of three channels, as `colour_levels` gives them.
+    `colours` are a gain and an offset for each of three channels, as `colour_levels` gives them; `coloured` tells
+    whether the channels differ.
     """
 
     grey: GreyLevels = GreyLevels()
     colours: tuple[float, ...] = (1.0, 0.0) * 3
+    coloured: bool = False
 
     @property
     def flat(self) -> bool:
@@ -102,7 +105,16 @@ def sum_windows(backend: Backend, grey: DeviceArray, mask: DeviceArray, options:
 
 def find_levels(picture: Picture) -> Levels:
     """What brings a whole picture to the levels that are matched."""
-    return Levels(grey_levels(picture), colour_levels(picture))
+    return Levels(grey_levels(picture), colour_levels(picture), _is_coloured(picture))
+
+
+def _is_coloured(picture: Picture) -> bool:
+    """Whether the channels differ by more than a camera's noise: by COLOURED of what they hold, on average."""
+    if picture.ndim == 2:
+        return False
+    some = picture[:: max(1, picture.shape[0] // 64)].astype(np.float32)
+    apart = np.abs(some[..., 0] - some[..., 1]).mean() + np.abs(some[..., 2] - some[..., 1]).mean()
+    return bool(apart > COLOURED * some.mean())
 
 
 def grey_levels(picture: Picture) -> GreyLevels:

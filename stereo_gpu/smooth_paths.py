@@ -19,6 +19,14 @@ from stereo_gpu.winners import Winners
 # Paths that run along the rows, down and up; the first of them sets the sums, so that it comes first.
 HEADINGS = (0, 1, -1)
 UNBOUNDED = 1 << 30
+# Without colours costs are smaller, and what is left to tell flat surfaces apart is their lean: a change by one
+# disparity must be cheap.
+CENSUS_PENALTIES = {
+    "small_penalty": 60,
+    "large_penalty": 400,
+    "edge_small_penalty": 24,
+    "edge_large_penalty": 140,
+}
 VOTERS_REACH = 33  # px
 SETTLED_REACH = 4  # px; of the last planes, which only even out what single steps differ by
 
@@ -30,12 +38,14 @@ class PathView:
     Args:
         grey: (H, W) float32, grey levels.
         guide: (3, H, W) uint8, colours of equal mean and contrast in both views.
+        compared: the same, or zeros where the views are not to be compared by it.
         bits: (H, W) int32, its census.
         validity: (H, W) uint8, MASKED or 0.
     """
 
     grey: DeviceArray
     guide: DeviceArray
+    compared: DeviceArray
     bits: DeviceArray
     validity: DeviceArray
 
@@ -72,14 +82,17 @@ def match_paths(
     (Mei et al., GPUCV 2011).
     """
     with watch.step("norms"):
-        ours, theirs = (
-            prepare_path_view(backend, *view, options) for view in zip(pictures, levels, masks, strict=True)
-        )
+        # Beyond its census a grey level tells next to nothing that vignetting leaves alone; three colours do.
+        coloured = all(level.coloured for level in levels)
+        given = zip(pictures, levels, masks, strict=True)
+        ours, theirs = (prepare_path_view(backend, *view, options, coloured=coloured) for view in given)
         backend.finish()
     height, width = ours.bits.shape
     shape = (height, width, search["disparities"])
     # Fresh memory costs as much as several paths.
     volumes = Volumes(cost=backend.empty(shape, np.uint8), sums=backend.empty(shape, np.uint16))
+    if not coloured:
+        options = dataclasses.replace(options, **CENSUS_PENALTIES)
     with watch.step("correlation"):
         found = _find(backend, ours, theirs, search, options, volumes)
         backward = {**search, "direction": -search["direction"]}
@@ -104,16 +117,24 @@ def scratch_bytes(backend: Backend, width: int, height: int, disparities: int) -
 
 
 def prepare_path_view(
-    backend: Backend, picture: DeviceArray, levels: Levels, mask: DeviceArray, options: MatchOptions
+    backend: Backend,
+    picture: DeviceArray,
+    levels: Levels,
+    mask: DeviceArray,
+    options: MatchOptions,
+    *,
+    coloured: bool,
 ) -> PathView:
-    """What the costs compare of a picture."""
+    """What the costs compare of a picture: its census, and its colours where both views have some."""
     height, width = picture.shape[:2]
     bits = backend.empty((height, width), np.int32)
     grey = make_grey(backend, picture, levels.grey, options)
     backend.launch("census", picture=grey, width=width, height=height, bits_out=bits)
     validity = backend.empty((height, width), np.uint8)
     backend.launch("masked", mask=mask, width=width, height=height, validity_out=validity)
-    return PathView(grey=grey, guide=make_guide(backend, picture, levels.colours), bits=bits, validity=validity)
+    guide = make_guide(backend, picture, levels.colours)
+    compared = guide if coloured else backend.zeros(guide.shape, np.uint8)
+    return PathView(grey=grey, guide=guide, compared=compared, bits=bits, validity=validity)
 
 
 def _find(
@@ -131,8 +152,8 @@ def _find(
         "match_cost",
         reference_bits=ours.bits,
         other_bits=theirs.bits,
-        reference_guide=ours.guide,
-        other_guide=theirs.guide,
+        reference_guide=ours.compared,
+        other_guide=theirs.compared,
         reference_validity=ours.validity,
         other_validity=theirs.validity,
         **size,

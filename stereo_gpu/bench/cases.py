@@ -117,7 +117,7 @@ def _path_view(device: Backend, scene: BenchScene) -> object:
     # Not the whole match, which asks for a volume's memory: this comes before that is taken.
     everywhere = device.upload(np.ones((scene.height, scene.width), np.uint8))
     options = options_of(Profile.PRECISE, scene)
-    return prepare_path_view(device, device.upload(scene.colour[1]), Levels(), everywhere, options)
+    return prepare_path_view(device, device.upload(scene.colour[1]), Levels(), everywhere, options, coloured=True)
 
 
 def _choosing(device: Backend, scene: BenchScene) -> object:
