@@ -19,6 +19,7 @@ LEAST_CONTRAST = 1 / 16
 # Mean and standard deviation of a guide's planes.
 GUIDE_MEAN, GUIDE_DEVIATION = 128.0, 50.0
 COLOURED = 0.02
+LEAST_DEVIATION = 1e-3  # in a picture's values; less is how sums are rounded
 # A picture's mean and deviation are taken of about so many pixels.
 ENOUGH_PIXELS = 1 << 20
 
@@ -142,7 +143,7 @@ def colour_levels(picture: Picture) -> tuple[float, ...]:
     means, deviations = cv2.meanStdDev(np.ascontiguousarray(picture[::step]))
     levels: list[float] = []
     for mean, deviation in zip(means.ravel(), deviations.ravel(), strict=True):
-        gain = GUIDE_DEVIATION / float(deviation) if deviation > 0 else 0.0
+        gain = GUIDE_DEVIATION / float(deviation) if deviation > LEAST_DEVIATION else 0.0
         levels += [gain, GUIDE_MEAN - float(mean) * gain]
     return tuple(levels if len(levels) == 6 else levels * 3)
 

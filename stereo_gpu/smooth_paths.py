@@ -19,14 +19,6 @@ from stereo_gpu.winners import Winners
 # Paths that run along the rows, down and up; the first of them sets the sums, so that it comes first.
 HEADINGS = (0, 1, -1)
 UNBOUNDED = 1 << 30
-# Without colours costs are smaller, and what is left to tell flat surfaces apart is their lean: a change by one
-# disparity must be cheap.
-CENSUS_PENALTIES = {
-    "small_penalty": 60,
-    "large_penalty": 400,
-    "edge_small_penalty": 24,
-    "edge_large_penalty": 140,
-}
 VOTERS_REACH = 33  # px
 SETTLED_REACH = 4  # px; of the last planes, which only even out what single steps differ by
 
@@ -92,7 +84,10 @@ def match_paths(
     # Fresh memory costs as much as several paths.
     volumes = Volumes(cost=backend.empty(shape, np.uint8), sums=backend.empty(shape, np.uint16))
     if not coloured:
-        options = dataclasses.replace(options, **CENSUS_PENALTIES)
+        # Costs are smaller then, and what is left to tell flat surfaces apart is their lean: it must be cheap.
+        options = dataclasses.replace(
+            options, small_penalty=60, large_penalty=400, edge_small_penalty=24, edge_large_penalty=140
+        )
     with watch.step("correlation"):
         found = _find(backend, ours, theirs, search, options, volumes)
         backward = {**search, "direction": -search["direction"]}

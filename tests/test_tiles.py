@@ -104,7 +104,7 @@ def test_no_seam_where_windows_decide(profile, view, smallest):
 
 
 @pytest.mark.parametrize("view", ["left", "right"])
-@pytest.mark.parametrize(("width", "height"), [(240, 1000), (1000, 130)])
+@pytest.mark.parametrize(("width", "height"), [(240, 1600), (1600, 130)])
 def test_no_seam_along_smooth_paths(view, width, height):
     """So long a picture that no tile takes all of it along.
 
@@ -115,8 +115,8 @@ def test_no_seam_along_smooth_paths(view, width, height):
     job = {"disparities": (0, 36), "profile": "precise", "reference": view}
     whole, tiled = match(left, right, **job), match(left, right, **job, tile=130)
     margin = find_margin(PROFILES[Profile.PRECISE], 0, 36, View(view))
-    assert max(2 * margin.rows, margin.left + margin.right) + 130 < 1000
-    assert max(tiled.options["tiles"]) == 8
+    assert max(2 * margin.rows, margin.left + margin.right) + 130 < 1600
+    assert max(tiled.options["tiles"]) == 13
     assert np.isfinite(whole.values).mean() > 0.5
     assert changed(whole, tiled)[0] <= 10 * ALLOWED
     seen = slice(48, None) if view == "left" else slice(0, -48)
