@@ -71,7 +71,9 @@ class _Evidence:
     residual: DeviceArray
 
 
-def level_flats(backend: Backend, found: Winners, checked: Winners, around: Surroundings) -> tuple[Winners, float]:
+def level_flats(
+    backend: Backend, found: Winners, checked: Winners, around: Surroundings, noise: float = 0.0
+) -> Winners:
     """Put pixels whose winners are guesses on the plane through the sure ones around them, where there is one plane.
 
     Args:
@@ -79,14 +81,15 @@ def level_flats(backend: Backend, found: Winners, checked: Winners, around: Surr
         found: a map without holes.
         checked: the winners that both views agree on.
         around: the pictures.
+        noise: variance of their noise, grey levels^2; 0 where it is to be measured.
 
     Returns:
-        The map, and the variance of the pictures' noise, grey levels^2.
+        The map, with the pictures' noise.
     """
     height, width = found.values.shape
     flat = backend.zeros((height, width), np.float32)
     slopes = _Slopes(x=flat, y=flat)
-    noise = _noise(backend, _weigh(backend, found.values, slopes, around, noise=1.0))
+    noise = noise or _noise(backend, _weigh(backend, found.values, slopes, around, noise=1.0))
     level, taken = found.values, backend.zeros((height, width), np.uint8)
     for _ in range(ROUNDS):
         own = _map(backend, level)
@@ -102,10 +105,10 @@ def level_flats(backend: Backend, found: Winners, checked: Winners, around: Surr
         evidence = _weigh(backend, own, slopes, around, noise=noise)
         planes = _fit(backend, evidence)
         level, taken, slopes = _choose(backend, found, checked, taken, planes, around, noise)
-    return dataclasses.replace(found, values=level), noise
+    return dataclasses.replace(found, values=level, noise=noise)
 
 
-def settle(backend: Backend, found: Winners, around: Surroundings, noise: float) -> Winners:
+def settle(backend: Backend, found: Winners, around: Surroundings) -> Winners:
     """Move each disparity once towards where the pictures agree best, as far as their texture tells.
 
     A Gauss-Newton step (Lucas and Kanade 1981) in windows that lean with the surface, without their offset.
@@ -122,7 +125,7 @@ def settle(backend: Backend, found: Winners, around: Surroundings, noise: float)
         along_y_out=slopes.y,
     )
     moved = _weigh(
-        backend, found.values, slopes, around, noise=noise, stride=1, weighted=1, largest_step=0.25, keep=KEEP
+        backend, found.values, slopes, around, noise=found.noise, stride=1, weighted=1, largest_step=0.25, keep=KEEP
     ).moved
     return dataclasses.replace(found, values=moved)
 
@@ -170,7 +173,7 @@ def _weigh(
 def _noise(backend: Backend, evidence: _Evidence) -> float:
     """Variance of a picture's noise: half of what most pixels differ by in the two views.
 
-    In steps of the square root of 2, so that tiles of one picture mostly take the same.
+    In steps of the square root of 2, so that a picture and its first tile mostly have the same.
     """
     residual: Floats = backend.download(evidence.residual)[::EVERY, ::EVERY]
     known = residual[residual < UNKNOWN]

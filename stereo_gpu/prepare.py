@@ -35,12 +35,13 @@ class Levels(NamedTuple):
     """How a picture's values are matched: as grey levels, and as colours of known mean and contrast.
 
     `colours` are a gain and an offset for each of three channels, as `colour_levels` gives them; `coloured` tells
-    whether the channels differ.
+    whether the channels differ. `noise` is the variance of the grey levels' noise where it is known, else 0.
     """
 
     grey: GreyLevels = GreyLevels()
     colours: tuple[float, ...] = (1.0, 0.0) * 3
     coloured: bool = False
+    noise: float = 0.0
 
     @property
     def flat(self) -> bool:

@@ -95,7 +95,7 @@ def match_paths(
         backend.finish()
     del volumes
     with watch.step("refinement"):
-        found = _refine(backend, found, other, (ours, theirs), search, options)
+        found = _refine(backend, found, other, (ours, theirs), search, options, levels[0].noise)
         backend.finish()
     return found
 
@@ -233,6 +233,7 @@ def _refine(
     views: tuple[PathView, PathView],
     search: dict[str, Any],
     options: MatchOptions,
+    noise: float,
 ) -> Winners:
     """Keep what both views agree on and like surroundings share; fill the rest, level flats, smooth along surfaces."""
     guide = views[0].guide
@@ -257,10 +258,10 @@ def _refine(
             backend, "fill", found, axis=axis, reach=UNBOUNDED, near=4, edges=1, tolerance=options.same_surface_px
         )
     around = Surroundings(reference=views[0].grey, other=views[1].grey, guide=guide, direction=search["direction"])
-    found, noise = level_flats(backend, found, checked, around)
+    found = level_flats(backend, found, checked, around, noise)
     found = filter_median(backend, found, options)
     found = _fit_planes(backend, found, guide, options.plane_reach, options)
-    found = settle(backend, found, around, noise)
+    found = settle(backend, found, around)
     return _fit_planes(backend, found, guide, SETTLED_REACH, options)
 
 

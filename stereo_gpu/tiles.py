@@ -108,7 +108,7 @@ def match_in_tiles(
 
     def match_tile(tile: Tile) -> None:
         # A function of its own, so that the device's memory is free again before the next tile takes some.
-        nonlocal sure, given
+        nonlocal sure, given, levels
         cut_left, cut_right, ours, theirs = (
             backend.upload(np.ascontiguousarray(array[tile.taken])) for array in (left, right, *masks)
         )
@@ -124,6 +124,8 @@ def match_in_tiles(
             options=options,
             watch=watch,
         )
+        # The same for all tiles, or seams would show where the noise decides.
+        levels = (levels[0]._replace(noise=found.noise), levels[1]._replace(noise=found.noise))
         part = download_disparity(backend, found, smallest, disparities, reference, profile, options, watch)
         for whole, cut in ((values, part.values), (validity, part.validity), (confidence, part.confidence)):
             whole[tile.kept] = cut[tile.inner]

@@ -23,6 +23,7 @@ class Winners:
         ratio: (H, W) float32, runner-up over best, see peaks in kernels/; after smooth paths best over runner-up.
         other: (H, W) int32, the other view's winners, packed as winner_key in kernels/warp/peaks.py says; None after
             smooth paths, which match the other view on its own.
+        noise: variance of the pictures' noise, grey levels^2, as smooth paths found it; else 0.
     """
 
     values: DeviceArray
@@ -30,6 +31,7 @@ class Winners:
     score: DeviceArray
     ratio: DeviceArray
     other: DeviceArray | None = None
+    noise: float = 0.0
 
 
 def find_winners(

@@ -154,8 +154,9 @@ def _settling(device: Backend, scene: BenchScene) -> object:
         validity=device.zeros(shape, np.uint8),
         score=device.zeros(shape, np.float32),
         ratio=device.zeros(shape, np.float32),
+        noise=1.0,
     )
-    return settle(device, found, around, noise=1.0)
+    return settle(device, found, around)
 
 
 def _triangulating(device: Backend, scene: BenchScene) -> object:
