@@ -26,7 +26,9 @@ MOVED_SHARE = {"fast": 0.02, "auto": 0.03, "paper": 0.005, "precise": 0.06}
 GAMMA_POINTS = 0.7
 # Measured on Teddy: 2.3, 2.0, 0.8 and 0.5; on the scene and on the other real pairs at most 0.7. In Teddy's faint
 # corners the slope that vignetting makes is as steep as the texture.
-VIGNETTING_POINTS = {"fast": 3.0, "auto": 3.0, "paper": 1.5, "precise": 1.5}
+# Where surfaces are of one colour, precise compares colours, which vignetting changes: 2.2 points on Teddy, and 0.5
+# before it did. A smaller share for colours costs more on pictures without vignetting than it wins here.
+VIGNETTING_POINTS = {"fast": 3.0, "auto": 3.0, "paper": 1.5, "precise": 2.5}
 
 
 @pytest.fixture(scope="module", params=["teddy", "scene"])
