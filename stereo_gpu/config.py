@@ -15,6 +15,21 @@ class Profile(StrEnum):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Penalties:
+    """What a disparity change along a smooth path costs, where a pixel's own cost is 0 to 146.
+
+    Args:
+        small, large: a change of one, and of more.
+        edge_small, edge_large: the same where the picture has an edge.
+    """
+
+    small: int
+    large: int
+    edge_small: int
+    edge_large: int
+
+
+@dataclass(frozen=True, kw_only=True)
 class MatchOptions:
     """How a disparity map is made.
 
@@ -28,9 +43,8 @@ class MatchOptions:
         smooth_sigma: standard deviation of the Gaussian prefilter, px; 0 for none.
         smooth_paths: whether the winner is taken over costs of census and colour that are smoothed along 8 paths
             (semi-global), in place of NCC alone; the options from here to slope_margin are theirs.
-        small_penalty, large_penalty: of a disparity change of one, and of more, along such a path; a pixel's cost is
-            0..146. Grey pictures have penalties of their own, see smooth_paths.py.
-        edge_small_penalty, edge_large_penalty: the same where the picture has an edge.
+        penalties, grey_penalties: of disparity changes along such a path, between pictures in colour and others. Without
+            colours costs are smaller, and what is left to tell flat surfaces apart is their lean: it must be cheap.
         edge_levels: change of a colour from one pixel to the next that is an edge, where 50 are the picture's standard
             deviation.
         row_slopes: disparity changes a row, px, of the surfaces that paths expect, tried in turn. 1 is a table seen at
@@ -59,10 +73,8 @@ class MatchOptions:
     windows_share: float = 0.0
     smooth_sigma: float = 0.0
     smooth_paths: bool = False
-    small_penalty: int = 0
-    large_penalty: int = 0
-    edge_small_penalty: int = 0
-    edge_large_penalty: int = 0
+    penalties: Penalties | None = None
+    grey_penalties: Penalties | None = None
     edge_levels: int = 0
     row_slopes: tuple[int, ...] = (0,)
     slope_window: int = 9
@@ -100,10 +112,8 @@ PROFILES = {
         texture_threshold=0.0,
         subpixel=True,
         smooth_paths=True,
-        small_penalty=180,
-        large_penalty=420,
-        edge_small_penalty=34,
-        edge_large_penalty=80,
+        penalties=Penalties(small=180, large=420, edge_small=34, edge_large=80),
+        grey_penalties=Penalties(small=60, large=400, edge_small=24, edge_large=140),
         edge_levels=15,
         row_slopes=(0, 1),
         slope_margin=24.0,  # 3 a path

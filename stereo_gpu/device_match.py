@@ -41,7 +41,7 @@ def match_on(
     Args:
         backend: the device.
         left, right: pictures on it.
-        levels: which values of the left and right picture are black and white.
+        levels: of the left and right picture's values.
         masks: of the reference view and of the other one, on the device.
         smallest, disparities: the range to search.
         reference: the view that the map is laid out on.

@@ -33,7 +33,7 @@ def match(
     tile: int | None = None,
     backend: str | None = None,
 ) -> Disparity:
-    """Match a rectified pair by normalized cross-correlation, winner takes all.
+    """Match a rectified pair: by normalized cross-correlation, or in profile "precise" along smooth paths.
 
     Args:
         left, right: rectified pictures of one size, (H, W) or (H, W, 3), uint8 or uint16.

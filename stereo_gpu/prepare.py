@@ -18,7 +18,7 @@ from stereo_gpu.types import Picture
 LEAST_CONTRAST = 1 / 16
 # Mean and standard deviation of a guide's planes.
 GUIDE_MEAN, GUIDE_DEVIATION = 128.0, 50.0
-COLOURED = 0.02
+COLOURED = 0.02  # share of their values by which the channels of a picture in colour differ
 LEAST_DEVIATION = 1e-3  # in a picture's values; less is how sums are rounded
 # A picture's mean and deviation are taken of about so many pixels.
 ENOUGH_PIXELS = 1 << 20
@@ -57,13 +57,6 @@ class DeviceView:
     window_sum: DeviceArray
     inverse_norm: DeviceArray
     validity: DeviceArray
-
-
-def prepare_view(
-    backend: Backend, picture: DeviceArray, levels: GreyLevels, mask: DeviceArray, options: MatchOptions
-) -> DeviceView:
-    """Make a picture grey, smooth it if asked, and sum up each of its windows."""
-    return sum_windows(backend, make_grey(backend, picture, levels, options), mask, options)
 
 
 def make_grey(backend: Backend, picture: DeviceArray, levels: GreyLevels, options: MatchOptions) -> DeviceArray:
@@ -111,7 +104,7 @@ def find_levels(picture: Picture) -> Levels:
 
 
 def _is_coloured(picture: Picture) -> bool:
-    """Whether the channels differ by more than a camera's noise: by COLOURED of what they hold, on average."""
+    """Whether the channels differ by more than a camera's noise, on average."""
     if picture.ndim == 2:
         return False
     some = picture[:: max(1, picture.shape[0] // 64)].astype(np.float32)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from stereo_gpu.backends import Backend, DeviceArray
-from stereo_gpu.config import MatchOptions
+from stereo_gpu.config import MatchOptions, Penalties
 from stereo_gpu.flat_surfaces import Surroundings, level_flats, settle
 from stereo_gpu.prepare import Levels, make_grey, make_guide
 from stereo_gpu.refine import filter_median, launch_on_map
@@ -83,15 +83,12 @@ def match_paths(
     shape = (height, width, search["disparities"])
     # Fresh memory costs as much as several paths.
     volumes = Volumes(cost=backend.empty(shape, np.uint8), sums=backend.empty(shape, np.uint16))
-    if not coloured:
-        # Costs are smaller then, and what is left to tell flat surfaces apart is their lean: it must be cheap.
-        options = dataclasses.replace(
-            options, small_penalty=60, large_penalty=400, edge_small_penalty=24, edge_large_penalty=140
-        )
+    penalties = options.penalties if coloured else options.grey_penalties
+    assert penalties is not None  # smooth paths have both
     with watch.step("correlation"):
-        found = _find(backend, ours, theirs, search, options, volumes)
+        found = _find(backend, ours, theirs, search, penalties, options, volumes)
         backward = {**search, "direction": -search["direction"]}
-        other = _find(backend, theirs, ours, backward, options, volumes)
+        other = _find(backend, theirs, ours, backward, penalties, options, volumes)
         backend.finish()
     del volumes
     with watch.step("refinement"):
@@ -137,6 +134,7 @@ def _find(
     ours: PathView,
     theirs: PathView,
     search: dict[str, Any],
+    penalties: Penalties,
     options: MatchOptions,
     volumes: Volumes,
 ) -> Winners:
@@ -166,10 +164,10 @@ def _find(
                 disparities=search["disparities"],
                 heading=heading,
                 row_slope=row_slope,
-                small_penalty=options.small_penalty,
-                large_penalty=options.large_penalty,
-                edge_small_penalty=options.edge_small_penalty,
-                edge_large_penalty=options.edge_large_penalty,
+                small_penalty=penalties.small,
+                large_penalty=penalties.large,
+                edge_small_penalty=penalties.edge_small,
+                edge_large_penalty=penalties.edge_large,
                 edge=options.edge_levels,
                 sums_out=volumes.sums,
             )

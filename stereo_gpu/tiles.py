@@ -86,7 +86,7 @@ def match_in_tiles(
     Args:
         backend: where to compute.
         left, right: rectified pictures of one size, on the host.
-        levels: which values of the left and right picture are black and white; of the whole pictures.
+        levels: of the left and right picture's values; of the whole pictures.
         masks: of the reference view and of the other one, on the host.
         smallest, disparities: the range to search.
         reference: the view that the map is laid out on.

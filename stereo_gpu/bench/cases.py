@@ -17,7 +17,7 @@ from stereo_gpu.config import PROFILES, MatchOptions, Profile
 from stereo_gpu.device_match import download_disparity, match_on
 from stereo_gpu.flat_surfaces import Surroundings, settle
 from stereo_gpu.match_options import choose_options
-from stereo_gpu.prepare import GreyLevels, Levels, prepare_view
+from stereo_gpu.prepare import GreyLevels, Levels, make_grey, sum_windows
 from stereo_gpu.rectify import plan_rectification, rectify_on
 from stereo_gpu.smooth_paths import prepare_path_view
 from stereo_gpu.texture import bake_texture
@@ -100,7 +100,7 @@ def _preparing(colour: bool, smooth: bool) -> Stage:
             options = dataclasses.replace(options, smooth_sigma=peers.SMOOTH_SIGMA)
         everywhere = device.upload(np.ones((scene.height, scene.width), np.uint8))
         picture = device.upload(scene.colour[1] if colour else scene.right)
-        return prepare_view(device, picture, GreyLevels(), everywhere, options)
+        return sum_windows(device, make_grey(device, picture, GreyLevels(), options), everywhere, options)
 
     return stage
 
