@@ -44,7 +44,8 @@ class MatchOptions:
         smooth_paths: whether the winner is taken over costs of census and colour that are smoothed along 8 paths
             (semi-global), in place of NCC alone; the options from here to slope_margin are theirs.
         penalties, grey_penalties: of disparity changes along such a path, between pictures in colour and others.
-            Without colours costs are smaller, and what is left to tell flat surfaces apart is their lean: it must be cheap.
+            Without colours costs are smaller, and what is left to tell flat surfaces apart is their lean, which must
+            be cheap.
         edge_levels: change of a colour from one pixel to the next that is an edge, where 50 are the picture's standard
             deviation.
         row_slopes: disparity changes a row, px, of the surfaces that paths expect, tried in turn. 1 is a table seen at

@@ -127,8 +127,8 @@ def check_match_memory(backend: Backend, width: int, height: int, disparities: i
 
 def match_bytes(backend: Backend, width: int, height: int, disparities: int, options: MatchOptions) -> tuple[int, int]:
     """Estimate what a match takes on a device: bytes in all, and of the largest array."""
-    # Two pictures, two views, and the maps before and after each refinement: smooth paths were seen to hold 111 bytes.
-    maps = width * height * 112
+    # Two pictures, two views, and the maps before and after each refinement: at most 111 bytes were seen, and 72.
+    maps = width * height * (112 if options.smooth_paths else 90)
     size = (width, height, disparities)
     if options.smooth_paths:
         scratch, volume = smooth_paths.scratch_bytes(backend, *size), smooth_paths.volume_bytes(*size)
