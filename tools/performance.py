@@ -101,9 +101,9 @@ REST = """## Where the time of a reconstruction goes
 | --- | --- |
 | `fast` | none; the fused kernel keeps scratch that grows with strips x disparities (and, in Warp, width) |
 | `paper` | W x H x D x 4 bytes |
-| `precise` | W x H x D x 5 bytes |
+| `precise` | W x H x D x 3 bytes |
 
-All need about 90 bytes a pixel besides. A match that does not fit is refused before memory is taken, and the
+All need about 90 bytes a pixel besides, `precise` 112. A match that does not fit is refused before memory is taken, and the
 benchmark says so in its row.
 """
 
