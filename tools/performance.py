@@ -103,8 +103,8 @@ REST = """## Where the time of a reconstruction goes
 | `paper` | W x H x D x 4 bytes |
 | `precise` | W x H x D x 3 bytes |
 
-All need about 90 bytes a pixel besides, `precise` 112. A match that does not fit is refused before memory is taken, and the
-benchmark says so in its row.
+All need about 90 bytes a pixel besides, `precise` 112. A match that does not fit is refused before memory is
+taken, and the benchmark says so in its row.
 """
 
 
