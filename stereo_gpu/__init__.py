@@ -8,8 +8,8 @@ Conventions stand in `stereo_gpu.types`, errors in `stereo_gpu.errors`.
 """
 
 from stereo_gpu.backends import DeviceStatus, devices
-from stereo_gpu.board import Board
 from stereo_gpu.calibrate import calibrate
+from stereo_gpu.calibration.board import Board
 from stereo_gpu.check import PairCheck, check_rectified
 from stereo_gpu.config import MeshOptions
 from stereo_gpu.errors import StereoError

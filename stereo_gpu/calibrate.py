@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from stereo_gpu.board import Board
-from stereo_gpu.board_pairs import FEWEST_PAIRS, BoardPair, Progress, Source, find_pairs
+from stereo_gpu.calibration.board import Board
+from stereo_gpu.calibration.board_pairs import FEWEST_PAIRS, BoardPair, Progress, Source, find_pairs
+from stereo_gpu.calibration.pairing import LensView, pair_corners
 from stereo_gpu.errors import CalibrationError, InputError
-from stereo_gpu.pairing import LensView, pair_corners
 from stereo_gpu.rig import DISTORTION_COUNTS, Camera, Rig, ViewError
 from stereo_gpu.types import Doubles, Floats
 

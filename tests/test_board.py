@@ -3,7 +3,7 @@ import cv2
 import numpy as np
 import pytest
 
-from stereo_gpu.board import Board, find_board, survey_boards
+from stereo_gpu.calibration.board import Board, find_board, survey_boards
 from stereo_gpu.errors import InputError
 
 BOARD = Board(columns=10, rows=7, square=30.0)

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from stereo_gpu.board import Board
 from stereo_gpu.calibrate import calibrate, epipolar_errors
+from stereo_gpu.calibration.board import Board
 from stereo_gpu.errors import CalibrationError, InputError, PictureError
 from stereo_gpu.images import write_png
 from stereo_gpu.rig import Camera, Rig

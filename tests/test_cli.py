@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from stereo_gpu.cli import main
-from stereo_gpu.commands import split_pictures
+from stereo_gpu.commands.pictures import split_pictures
 from stereo_gpu.images import read_image, write_png
 from stereo_gpu.pfm import read_pfm
 from stereo_gpu.progress import Progress

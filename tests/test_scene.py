@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from stereo_gpu.board import find_board
+from stereo_gpu.calibration.board import find_board
 from stereo_gpu.errors import InputError
 from stereo_gpu.rig import Camera, Rig
 from stereo_gpu.scene import build_scene, project, trace, undistort

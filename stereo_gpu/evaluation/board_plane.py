@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from stereo_gpu.board import Board, find_board
+from stereo_gpu.calibration.board import Board, find_board
 from stereo_gpu.errors import StageError
 from stereo_gpu.rectify import Rectification, plan_rectification
 from stereo_gpu.rig import Camera, Rig

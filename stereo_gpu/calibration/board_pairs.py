@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from stereo_gpu.board import Board, find_board, survey_boards
+from stereo_gpu.calibration.board import Board, find_board, survey_boards
 from stereo_gpu.errors import CalibrationError, InputError, PictureError
 from stereo_gpu.images import check_picture, read_image
 from stereo_gpu.types import Floats, Picture

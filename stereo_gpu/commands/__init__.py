@@ -1,0 +1,1 @@
+"""One module a subcommand: its first line says what it does, `add_options` what it takes, `run` does it."""

@@ -1,0 +1,71 @@
+"""Make a textured model of a raw pair."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from stereo_gpu.commands.arguments import add_backend, add_matching, add_pair, add_rig, numbers
+from stereo_gpu.commands.pictures import read_mask
+from stereo_gpu.progress import Progress
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Say what the command takes."""
+    add_pair(parser)
+    add_rig(parser)
+    parser.add_argument("--out", type=Path, required=True, help="folder for the model and the report")
+    add_matching(parser, "precise")
+    parser.add_argument("--mask", type=Path, help="picture, black where the rectified reference view is not wanted")
+    parser.add_argument(
+        "--rectangle", type=numbers(int, 4), metavar="X,Y,W,H", help="box around the object; GrabCut finds its outline"
+    )
+    parser.add_argument("--depth", type=numbers(float, 2), metavar="NEAR,FAR", help="wanted depths, in the rig's unit")
+    parser.add_argument("--faces", type=int, default=50_000, help="triangles of the mesh; 0: all (%(default)s)")
+    parser.add_argument("--smoothing", type=int, default=10, help="passes of smoothing; 0: none (%(default)s)")
+    parser.add_argument(
+        "--unwrap", choices=("charts", "view"), default="charts", help="texture coordinates (%(default)s)"
+    )
+    add_backend(parser)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Reconstruct a raw pair and write everything."""
+    from stereo_gpu.config import MeshOptions
+    from stereo_gpu.files import check_writable
+    from stereo_gpu.images import check_pair, read_image
+    from stereo_gpu.pipeline import STAGES, reconstruct
+    from stereo_gpu.rectify import check_rig
+    from stereo_gpu.rig import Rig
+
+    rig, left, right = Rig.load(options.rig), read_image(options.left), read_image(options.right)
+    check_pair(left, right)
+    check_rig(left, rig)
+    mask = read_mask(options.mask, left.shape[:2])
+    check_writable(options.out)
+    with Progress([*STAGES, "save"]) as progress:
+        result = reconstruct(
+            options.left,
+            options.right,
+            rig,
+            profile=options.profile,
+            disparities=options.disparities,
+            mask=mask,
+            backend=options.backend,
+            window=options.window,
+            reference=options.reference,
+            rectangle=options.rectangle,
+            depth=options.depth,
+            mesh=MeshOptions(faces=options.faces, smoothing=options.smoothing, unwrap=options.unwrap),
+            tile=options.tile,
+            progress=progress.step,
+        )
+        progress.step("save")
+        result.save(options.out)
+    for warning in result.warnings:
+        print(f"stereo-gpu: warning: {warning}", file=sys.stderr)
+    print(
+        f"{options.out}: model.glb with {len(result.mesh.faces)} triangles in {sum(result.seconds.values()):.1f} s on"
+        f" {result.disparity.backend}; open {options.out / 'report.html'}"
+    )

@@ -1,0 +1,40 @@
+"""Undistort a raw pair and make its rows correspond."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+
+from stereo_gpu.commands.arguments import add_backend, add_pair, add_rig
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Say what the command takes."""
+    add_pair(parser)
+    add_rig(parser)
+    parser.add_argument("--out", type=Path, required=True, help="folder for left.png and right.png")
+    add_backend(parser)
+
+
+def run(options: argparse.Namespace) -> None:
+    """Rectify a raw pair and write both pictures."""
+    from stereo_gpu.check import check_rectified, refuse_swapped
+    from stereo_gpu.files import check_writable, whole_folder
+    from stereo_gpu.images import read_image, write_png
+    from stereo_gpu.rectify import rectify
+    from stereo_gpu.rig import Rig
+
+    rig, left, right = Rig.load(options.rig), read_image(options.left), read_image(options.right)
+    check_writable(options.out)
+    pair = rectify(left, right, rig, backend=options.backend)
+    found = check_rectified(pair.left, pair.right, offset_px=pair.cx_left - pair.cx_right)
+    refuse_swapped(found)
+    with whole_folder(options.out) as new:
+        for name, picture in (("left", pair.left), ("right", pair.right)):
+            write_png(new / f"{name}.png", picture)
+    vertical = "not measured" if math.isnan(found.vertical_px) else f"{found.vertical_px:.2f} px"
+    print(
+        f"{options.out}: left.png and right.png, focal length {pair.focal_px:.2f} px, baseline {pair.baseline:.2f}"
+        f" {pair.unit}, vertical error {vertical} (median of {found.matches} features)"
+    )

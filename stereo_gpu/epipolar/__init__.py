@@ -1,0 +1,1 @@
+"""Two-view geometry from matched points: no board, no rig."""
