@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from stereo_gpu.calibration.board import Board
+from stereo_gpu.calibration.board import Board, BoardView, in_both
 from stereo_gpu.calibration.board_pairs import FEWEST_PAIRS, BoardPair, Progress, Source, find_pairs
 from stereo_gpu.calibration.pairing import LensView, pair_corners
 from stereo_gpu.errors import CalibrationError, InputError
@@ -108,18 +108,24 @@ def _drop(used: list[BoardPair], errors: Doubles, numbers: list[int], what: str)
         used[number].drop(f"{what}: {errors[number]:.2f} px, typical {float(np.median(errors)):.2f} px")
 
 
-def _corners(pairs: list[BoardPair], side: int) -> list[Floats]:
-    return [corners for pair in pairs if (corners := pair.corners[side]) is not None]
+def _views(pairs: list[BoardPair], side: int) -> list[BoardView]:
+    return [view for pair in pairs if (view := pair.views[side]) is not None]
 
 
 def _calibrate_lens(pairs: list[BoardPair], side: int, size: tuple[int, int], board: Board, coefficients: int) -> _Lens:
     """Calibrate one camera by itself, leaving out the views that do not fit."""
     while True:
         used = _used(pairs)
-        corners = _corners(used, side)
+        seen = _views(used, side)
         try:
             _, matrix, distortion, turns, shifts, _, _, view_errors = cv2.calibrateCameraExtended(
-                [board.points] * len(used), corners, size, None, None, flags=LENS_FLAGS[coefficients], criteria=STOP
+                [board.points[view.ids] for view in seen],
+                [view.corners for view in seen],
+                size,
+                None,
+                None,
+                flags=LENS_FLAGS[coefficients],
+                criteria=STOP,
             )
         except cv2.error as error:
             raise CalibrationError(f"{_side(side)} camera: {_degenerate(error)}") from error
@@ -129,8 +135,8 @@ def _calibrate_lens(pairs: list[BoardPair], side: int, size: tuple[int, int], bo
         bad = _outliers(errors)
         if not bad:
             views = [
-                LensView(corners=seen, rotation=cv2.Rodrigues(turn)[0], translation=shift.reshape(3))
-                for seen, turn, shift in zip(corners, turns, shifts, strict=True)
+                LensView(seen=view, rotation=cv2.Rodrigues(turn)[0], translation=shift.reshape(3))
+                for view, turn, shift in zip(seen, turns, shifts, strict=True)
             ]
             return _Lens(matrix, distortion.reshape(-1)[:coefficients].copy(), views, errors)
         _drop(used, errors, bad, f"does not fit the {_side(side)} camera")
@@ -147,8 +153,8 @@ def _agree(pairs: list[BoardPair], lenses: list[_Lens], width: int, board: Board
             f"the pairs do not agree on one rig (typically {np.median(errors):.0f} px off): give left and right"
             " pictures in the same order, and leave the cameras where they are between pairs"
         )
-    for pair, corners in zip(used, agreement.right, strict=True):
-        pair.corners[1] = corners
+    for pair, view in zip(used, agreement.right, strict=True):
+        pair.views[1] = view
     limit = max(CARRIED_FACTOR * float(np.median(errors)), CARRIED_LIMIT / 4 * width)
     bad = np.flatnonzero(errors > limit).tolist()
     _drop(used, errors, bad, "left and right do not belong together, or the cameras or the board moved")
@@ -172,10 +178,11 @@ def _calibrate_together(
     left, right = lenses
     while True:
         used = _used(pairs)
-        corners = _corners(used, 0), _corners(used, 1)
+        seen = [in_both(*views) for views in zip(_views(used, 0), _views(used, 1), strict=True)]
+        corners = [ours.corners for ours, _ in seen], [theirs.corners for _, theirs in seen]
         try:
             rms, *found, rotation, translation, _, _, _, _, view_errors = cv2.stereoCalibrateExtended(
-                [board.points] * len(used),
+                [board.points[ours.ids] for ours, _ in seen],
                 *corners,
                 left.matrix.copy(),
                 left.distortion.copy(),

@@ -3,7 +3,8 @@ import cv2
 import numpy as np
 import pytest
 
-from stereo_gpu.calibration.board import Board, find_board, survey_boards
+from stereo_gpu.calibration.board import Board
+from stereo_gpu.calibration.checkerboard import survey_boards
 from stereo_gpu.errors import InputError
 
 BOARD = Board(columns=10, rows=7, square=30.0)
@@ -63,7 +64,7 @@ def test_no_such_board(columns, rows, square, told):
 
 def test_corners_are_found_to_a_few_hundredths_of_a_pixel(view):
     picture, truth = view
-    corners = find_board(picture, BOARD)
+    corners = BOARD.find(picture).corners
     assert corners.dtype == np.float32
     assert either_way(corners, truth) < 0.12  # noise of 2 grey values
     assert np.sqrt(np.mean((corners - truth) ** 2)) < 0.04 or np.sqrt(np.mean((corners[::-1] - truth) ** 2)) < 0.04
@@ -81,28 +82,28 @@ def test_corners_are_found_to_a_few_hundredths_of_a_pixel(view):
 )
 def test_other_kinds_of_pictures(view, change):
     picture, truth = view
-    assert either_way(find_board(change(picture), BOARD), truth) < 0.6
+    assert either_way(BOARD.find(change(picture)).corners, truth) < 0.6
 
 
 def test_a_large_picture_is_refined_at_full_size(view):
     picture, truth = view
     large = cv2.resize(picture, None, fx=5, fy=5, interpolation=cv2.INTER_CUBIC)
     assert max(large.shape) > 1600
-    assert either_way(find_board(large, BOARD), (truth + 0.5) * 5 - 0.5) < 0.8  # 0.16 px of the small one
+    assert either_way(BOARD.find(large).corners, (truth + 0.5) * 5 - 0.5) < 0.8  # 0.16 px of the small one
 
 
 def test_corners_turn_clockwise(view):
     picture, _ = view
     for turned in (picture, np.rot90(picture), np.rot90(picture, 2), np.rot90(picture, 3)):
-        grid = find_board(np.ascontiguousarray(turned), BOARD).reshape(6, 9, 2)
+        grid = BOARD.find(np.ascontiguousarray(turned)).corners.reshape(6, 9, 2)
         along, down = grid[0, -1] - grid[0, 0], grid[-1, 0] - grid[0, 0]
         assert along[0] * down[1] - along[1] * down[0] > 0
 
 
 def test_no_board():
     noise = np.random.default_rng(0).integers(0, 255, (120, 160), np.uint8)
-    assert find_board(noise, BOARD) is None
-    assert find_board(np.zeros((3, 3), np.uint8), BOARD) is None
+    assert BOARD.find(noise) is None
+    assert BOARD.find(np.zeros((3, 3), np.uint8)) is None
     assert survey_boards([noise, np.zeros((3, 3), np.uint8)]).total() == 0
 
 
@@ -115,4 +116,4 @@ def test_every_real_board_is_found(data):
 
     files = sorted((data / "calibration" / "board_10x7").glob("*.jpg"))
     assert len(files) == 26
-    assert all(find_board(read_image(file), BOARD) is not None for file in files)
+    assert all(BOARD.find(read_image(file)) is not None for file in files)

@@ -4,7 +4,6 @@ import cv2
 import numpy as np
 import pytest
 
-from stereo_gpu.calibration.board import find_board
 from stereo_gpu.errors import InputError
 from stereo_gpu.rig import Camera, Rig
 from stereo_gpu.scene import build_scene, project, trace, undistort
@@ -151,11 +150,12 @@ def test_boards_are_found_where_they_are(scene, boards):
         points = scene.board.points @ rotation.T + origin
         placed = (points, points @ scene.rig.R.T + scene.rig.T)
         for picture, camera, seen in zip(pictures, (scene.rig.left, scene.rig.right), placed, strict=True):
-            found = find_board(picture, scene.board)
+            found = scene.board.find(picture)
             assert found is not None
+            corners = found.corners
             true = project(camera, seen)
             # which end comes first is left open
-            errors = [np.sqrt(((order - true) ** 2).sum(axis=1).mean()) for order in (found, found[::-1])]
+            errors = [np.sqrt(((order - true) ** 2).sum(axis=1).mean()) for order in (corners, corners[::-1])]
             assert min(errors) < CORNER_PX
 
 

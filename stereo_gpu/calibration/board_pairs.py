@@ -11,12 +11,14 @@ from pathlib import Path
 
 import numpy as np
 
-from stereo_gpu.calibration.board import Board, find_board, survey_boards
+from stereo_gpu.calibration.board import Board, BoardView, in_both
+from stereo_gpu.calibration.checkerboard import survey_boards
 from stereo_gpu.errors import CalibrationError, InputError, PictureError
 from stereo_gpu.images import check_picture, read_image
-from stereo_gpu.types import Floats, Picture
+from stereo_gpu.types import Picture
 
 FEWEST_PAIRS = 3
+FEWEST_IN_BOTH = 6  # corners that both cameras see
 SURVEYED_PAIRS = 5  # looked at first, for boards of any size, so that a wrong count shows early
 
 Source = str | os.PathLike[str] | Picture
@@ -31,12 +33,12 @@ class BoardPair:
 
     Args:
         names: of the left and the right picture.
-        corners: (N, 2) px of the left and the right view; None where no board was found.
+        views: what the left and the right picture show of the board; None where it was not found.
         reason: why the pair is left out; empty while it is in.
     """
 
     names: tuple[str, str]
-    corners: list[Floats | None] = field(default_factory=list)
+    views: list[BoardView | None] = field(default_factory=list)
     reason: str = ""
 
     def drop(self, reason: str) -> None:
@@ -84,14 +86,12 @@ def find_pairs(
                     f"{name} is {size[0]} x {size[1]} px, the {('left', 'right')[side]} ones before were"
                     f" {sizes[side][0]} x {sizes[side][1]}: take all pictures of a camera in one size"
                 )
-            pair.corners.append(find_board(picture, board))
+            pair.views.append(board.find(picture))
             if number in first:
                 survey.update(survey_boards([picture]))
             if progress is not None:
                 progress(2 * len(pairs) - 1 + side, 2 * count)
-        blank = [view for view, corners in zip(("left", "right"), pair.corners, strict=True) if corners is None]
-        if blank:
-            pair.drop(f"no whole board in the {' and the '.join(blank)} picture")
+        _leave_out_blank(pair)
         if len(pairs) == len(first):
             _refuse_other_board([pairs[number] for number in first], survey, board)
     found = [pairs[number] for number in range(count)]
@@ -115,6 +115,17 @@ def _read(name: str, source: Source) -> Picture:
     return source
 
 
+def _leave_out_blank(pair: BoardPair) -> None:
+    left, right = pair.views
+    if left is None or right is None:
+        blank = [side for side, view in (("left", left), ("right", right)) if view is None]
+        pair.drop(f"no whole board in the {' and the '.join(blank)} picture")
+        return
+    common = len(in_both(left, right)[0].ids)
+    if common < FEWEST_IN_BOTH:
+        pair.drop(f"left and right see {common} corners of the board in common, {FEWEST_IN_BOTH} are needed")
+
+
 def _common(survey: Counter[tuple[int, int]]) -> tuple[int, int] | None:
     """The size of board that most of the surveyed pictures show, if there is one."""
     [(size, often)] = survey.most_common(1) or [((0, 0), 0)]
@@ -127,7 +138,7 @@ def _refuse_other_board(pairs: list[BoardPair], survey: Counter[tuple[int, int]]
     seen = _common(survey)
     if seen is None or seen == given:
         return
-    nowhere = all(corners is None for pair in pairs for corners in pair.corners)
+    nowhere = all(view is None for pair in pairs for view in pair.views)
     # The finders find a part of a board, too, but not the same part in both cameras.
     part = seen[0] >= given[0] and seen[1] >= given[1]
     if nowhere or part:
@@ -142,7 +153,7 @@ def _refuse_too_few(pairs: list[BoardPair], survey: Counter[tuple[int, int]], bo
     seen = _common(survey)
     if seen is not None and seen != given:
         raise CalibrationError(_other(board, seen))
-    boards = sum(corners is not None for pair in pairs for corners in pair.corners)
+    boards = sum(view is not None for pair in pairs for view in pair.views)
     raise CalibrationError(
         f"{usable} of {len(pairs)} pairs show a whole board of {_told(board)} in both pictures ({boards} of"
         f" {2 * len(pairs)} pictures do), {FEWEST_PAIRS} are needed: give the squares as printed, and take"

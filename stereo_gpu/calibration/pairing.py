@@ -2,7 +2,7 @@
 
 A board turned by 180 degrees looks the same where its colours allow it (a square one already at 90), so that
 the finder may start at another corner in the other camera. One camera alone cannot tell. Two can: only with
-the right orders do all views agree on one R and T.
+the right orders do all views agree on one R and T. A board whose markers name its corners has one order only.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_gpu.calibration.board import Board
-from stereo_gpu.types import Doubles, Floats
+from stereo_gpu.calibration.board import Board, BoardView, in_both
+from stereo_gpu.types import Doubles
 
 MOST_HYPOTHESES = 40  # views whose R and T are tried; the work grows with their number times that of all views
 
@@ -25,12 +25,12 @@ class LensView:
     """What one camera's own calibration says of one view.
 
     Args:
-        corners: (N, 2), px.
+        seen: what the picture shows of the board.
         rotation: (3, 3), board to camera frame.
         translation: (3,), in the board's unit.
     """
 
-    corners: Floats
+    seen: BoardView
     rotation: Doubles
     translation: Doubles
 
@@ -40,12 +40,12 @@ class Agreement:
     """The R and T on which most views agree.
 
     Args:
-        right: the right camera's corners of each view, (N, 2), in the order of the left ones.
+        right: what the right camera saw in each view, with the ids that the left one gave the same corners.
         R, T: X_right = R X_left + T, from a single view, so that it is a start and no more.
         errors_px: (views,) rms distance between right corners and the left board carried over.
     """
 
-    right: list[Floats]
+    right: list[BoardView]
     R: Doubles
     T: Doubles
     errors_px: Doubles
@@ -54,28 +54,27 @@ class Agreement:
 def pair_corners(
     left: Sequence[LensView], right: Sequence[LensView], board: Board, matrix: Doubles, distortion: Doubles
 ) -> Agreement:
-    """Put the right corners of every view into the order of the left ones.
+    """Give the right corners of every view the ids of the left ones.
 
     Every view, with every order that the board's symmetry allows, proposes an R and T; the proposal with the
     lowest median error over all views wins, so that up to half of them may be wrong.
 
     Args:
-        left, right: the same views, seen by either camera.
+        left, right: the same views, seen by either camera, with corners in common.
         board: what they show.
         matrix, distortion: of the right camera.
     """
     points = board.points.astype(np.float64)
     orders = _orders(board)
-    # corners[view, order]: (views, orders, N, 2)
-    corners = np.stack([[view.corners[order] for order in orders] for view in right]).astype(np.float64)
+    candidates = [[_renamed(view.seen, order) for order in orders] for view in right]
     best: tuple[float, Doubles, Doubles, Doubles] | None = None
     for number in np.unique(np.linspace(0, len(left) - 1, MOST_HYPOTHESES).astype(int)):
         for order in orders:
             rotation, translation = _relative(left[number], right[number], points, order, board)
-            errors = np.stack(
+            errors = np.array(
                 [
-                    _errors(view, points, seen, rotation, translation, matrix, distortion)
-                    for view, seen in zip(left, corners, strict=True)
+                    [_error(view, seen, points, rotation, translation, matrix, distortion) for seen in several]
+                    for view, several in zip(left, candidates, strict=True)
                 ]
             )
             score = float(np.median(errors.min(axis=1)))
@@ -85,7 +84,7 @@ def pair_corners(
     _, rotation, translation, errors = best
     chosen = errors.argmin(axis=1)
     return Agreement(
-        right=[view.corners[orders[order]] for view, order in zip(right, chosen, strict=True)],
+        right=[several[order] for several, order in zip(candidates, chosen, strict=True)],
         R=rotation,
         T=translation,
         errors_px=errors.min(axis=1),
@@ -96,8 +95,14 @@ def _orders(board: Board) -> list[NDArray[np.intp]]:
     """The orders in which the same corners can be listed; the one as found comes first."""
     columns, rows = board.corners
     grid = np.arange(columns * rows).reshape(rows, columns)
-    turns = (0, 1, 2, 3) if columns == rows else (0, 2)
-    return [np.rot90(grid, turn).reshape(-1) for turn in turns]
+    return [np.rot90(grid, turn).reshape(-1) for turn in board.turns]
+
+
+def _renamed(seen: BoardView, order: NDArray[np.intp]) -> BoardView:
+    """The same corners with the ids that they have if the board's are listed in `order`."""
+    ids = np.argsort(order)[seen.ids].astype(np.int32)
+    rising = np.argsort(ids)
+    return BoardView(seen.corners[rising], ids[rising])
 
 
 def _relative(
@@ -112,19 +117,19 @@ def _relative(
     return rotation, right.rotation @ origin + right.translation - rotation @ left.translation
 
 
-def _errors(
+def _error(
     left: LensView,
+    right: BoardView,
     points: Doubles,
-    right_corners: Doubles,
     rotation: Doubles,
     translation: Doubles,
     matrix: Doubles,
     distortion: Doubles,
-) -> Doubles:
-    """(orders,) rms px between the right corners and the board as the left camera sees it."""
-    carried = (points @ left.rotation.T + left.translation) @ rotation.T + translation
+) -> float:
+    """Rms px between the right corners and the board as the left camera sees it, over the corners that both see."""
+    _, seen = in_both(left.seen, right)
+    carried = (points[seen.ids] @ left.rotation.T + left.translation) @ rotation.T + translation
     if (carried[:, 2] <= 0).any():  # behind the right camera
-        return np.full(len(right_corners), np.inf)
+        return np.inf
     projected, _ = cv2.projectPoints(carried, np.zeros(3), np.zeros(3), matrix, distortion)
-    off: Doubles = np.sqrt(((right_corners - projected.reshape(-1, 2)) ** 2).sum(-1).mean(-1))
-    return off
+    return float(np.sqrt(((seen.corners - projected.reshape(-1, 2)) ** 2).sum(-1).mean()))

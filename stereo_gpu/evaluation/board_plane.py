@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from stereo_gpu.calibration.board import Board, find_board
+from stereo_gpu.calibration.board import Board, in_both
 from stereo_gpu.errors import StageError
 from stereo_gpu.rectify import Rectification, plan_rectification
 from stereo_gpu.rig import Camera, Rig
@@ -57,18 +57,20 @@ def find_plane(left: Picture, right: Picture, rig: Rig, board: Board) -> BoardPl
     Raises:
         StageError: the board is not found in both pictures.
     """
-    corners = [find_board(picture, board) for picture in (left, right)]
-    if corners[0] is None or corners[1] is None:
+    found = board.find(left), board.find(right)
+    if found[0] is None or found[1] is None:
         raise StageError(f"no whole board of {board} squares in both pictures: give a pair that shows one")
+    seen = in_both(found[0], found[1])
     plan = plan_rectification(rig)
-    ours = _rectified(corners[0], rig.left, plan.rotation_left, plan.cx_left, plan)
-    theirs = _rectified(corners[1], rig.right, plan.rotation_right, plan.cx_right, plan)
-    # Each picture may have been read from either end of the board; in the right order, rows correspond.
-    theirs = min(theirs, theirs[::-1], key=lambda order: float(np.abs(order - ours)[:, 1].mean()))
+    ours = _rectified(seen[0].corners, rig.left, plan.rotation_left, plan.cx_left, plan)
+    theirs = _rectified(seen[1].corners, rig.right, plan.rotation_right, plan.cx_right, plan)
+    # Each picture may have been read from either end of a checkerboard; in the right order, rows correspond.
+    orders = [theirs, theirs[::-1]] if 2 in board.turns else [theirs]
+    theirs = min(orders, key=lambda order: float(np.abs(order - ours)[:, 1].mean()))
     disparity = ours[:, 0] - theirs[:, 0]
     plane = _fit(ours, disparity)
     # A plane that a pinhole camera sees: exactly a homography, so that the outline follows from the inner corners.
-    to_view = cv2.findHomography(board.points[:, :2].astype(np.float64), ours)[0]
+    to_view = cv2.findHomography(board.points[seen[0].ids, :2].astype(np.float64), ours)[0]
     columns, rows = board.corners
     ends = np.array([[-1, -1], [columns, -1], [columns, rows], [-1, rows]], np.float64) * board.square
     outline = cv2.perspectiveTransform(ends[:, None], to_view)[:, 0]
