@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from stereo_gpu.deviations import Deviations
 from stereo_gpu.errors import InputError
 from stereo_gpu.files import write_whole
 from stereo_gpu.types import Doubles
@@ -104,6 +105,7 @@ class Rig:
         epipolar_rms_px: rms distance of the board corners from their epipolar lines.
         views: what each board pair contributed.
         unit: of T, and so of everything measured with this rig.
+        deviations: how certain every parameter is; None where that is not known.
 
     Raises:
         InputError: a value is of the wrong shape or no rig can have it.
@@ -117,6 +119,7 @@ class Rig:
     epipolar_rms_px: float = 0.0
     views: tuple[ViewError, ...] = ()
     unit: str = "mm"
+    deviations: Deviations | None = None
 
     def __post_init__(self) -> None:
         rotation = _array("R", self.R, (3, 3))
@@ -129,6 +132,8 @@ class Rig:
             raise InputError(f"T is {translation.tolist()}: the cameras stand at one point; {MEND}")
         if not (isinstance(self.unit, str) and 0 < len(self.unit) <= 16 and self.unit.isprintable()):
             raise InputError(f"unit is {self.unit!r:.60}: name a unit of length such as mm")
+        if self.deviations is not None:
+            _check_deviations(self.deviations, self.left, self.right)
         object.__setattr__(self, "R", rotation)
         object.__setattr__(self, "T", translation)
         object.__setattr__(self, "rms_px", _error_px("rms_px", self.rms_px))
@@ -157,6 +162,7 @@ class Rig:
             "T": self.T.tolist(),
             "rms_px": self.rms_px,
             "epipolar_rms_px": self.epipolar_rms_px,
+            **({} if self.deviations is None else {"deviations": self.deviations.as_json()}),
             "views": [{field.name: getattr(view, field.name) for field in fields(view)} for view in self.views],
         }
         return write_whole(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
@@ -183,6 +189,8 @@ def _rig(content: dict[str, Any]) -> Rig:
     views = _field(content, "views")
     if not isinstance(views, list):
         raise InputError(f"views is {views!r:.60}: it must be a list")
+    # Files from before there were deviations have none.
+    deviations = content.get("deviations")
     return Rig(
         left=_camera(content, "left"),
         right=_camera(content, "right"),
@@ -192,7 +200,20 @@ def _rig(content: dict[str, Any]) -> Rig:
         epipolar_rms_px=_field(content, "epipolar_rms_px"),
         views=tuple(_view(number, view) for number, view in enumerate(views)),
         unit=_field(content, "unit"),
+        deviations=None if deviations is None else Deviations.from_json(deviations),
     )
+
+
+def _check_deviations(deviations: object, left: Camera, right: Camera) -> None:
+    """Make sure that there is a deviation for every coefficient of the lenses."""
+    if not isinstance(deviations, Deviations):
+        raise InputError(f"deviations is {deviations!r:.60}: give Deviations, or None")
+    for name, camera, part in (("left", left, deviations.left), ("right", right, deviations.right)):
+        if part.distortion.shape != camera.distortion.shape:
+            raise InputError(
+                f"deviations.{name}.distortion has {len(part.distortion)} numbers, the lens has"
+                f" {len(camera.distortion)}; {MEND}"
+            )
 
 
 def _camera(content: dict[str, Any], name: str) -> Camera:

@@ -1,0 +1,53 @@
+"""All that a calibration found: the rig, how certain it is, and what became of every pair."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from stereo_gpu.calibration.board import Board
+from stereo_gpu.deviations import Deviations
+from stereo_gpu.rig import Rig
+from stereo_gpu.types import Doubles, Floats
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CalibrationView:
+    """What became of one board pair.
+
+    Args:
+        left, right: names of the two pictures.
+        used: whether the pair counts in the calibration.
+        reason: why it was left out; empty where it is used.
+        seen: (n, 2) px, the corners found in the left and in the right picture; None where no board was found.
+        projected: the same corners where the final rig puts them; None where the board's pose is not known.
+        rotation: (3, 3), board to left camera frame; None where it is not known.
+        translation: (3,), the same, in the board's unit.
+    """
+
+    left: str
+    right: str
+    used: bool
+    reason: str
+    seen: tuple[Floats | None, Floats | None]
+    projected: tuple[Floats | None, Floats | None]
+    rotation: Doubles | None
+    translation: Doubles | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Calibration:
+    """A rig, and all that its calibration tells besides.
+
+    Args:
+        rig: the cameras; `rig.views` holds the errors of each pair.
+        board: what the pictures show.
+        views: every pair in the order given, with its corners and pose.
+        deviations: of every parameter of the rig.
+        advice: warnings, and the next best view, in words; one sentence each.
+    """
+
+    rig: Rig
+    board: Board
+    views: tuple[CalibrationView, ...]
+    deviations: Deviations
+    advice: tuple[str, ...] = ()
