@@ -14,18 +14,19 @@ typedef uchar bytes __attribute__((ext_vector_type(SHORTS), aligned(1)));
 // The smallest lane.
 inline __attribute__((always_inline)) int smallest_of(ushorts v)
 {
+#ifdef __SSE4_1__
 #if LANES == 16
     ushort16 sixteen = v.lo < v.hi ? v.lo : v.hi;
 #else
     ushort16 sixteen = v;
 #endif
     ushort8 eight = sixteen.lo < sixteen.hi ? sixteen.lo : sixteen.hi;
-#ifdef __SSE4_1__
     ushort8 found = __builtin_astype(__builtin_ia32_phminposuw128(__builtin_astype(eight, short8)), ushort8);
     return found[0];
 #else
-    ushort4 four = eight.lo < eight.hi ? eight.lo : eight.hi;
-    ushort2 two = four.lo < four.hi ? four.lo : four.hi;
-    return two.x < two.y ? two.x : two.y;
+    // One by one, as Oclgrind takes a half of so many lanes for undefined, and compilers know what this means.
+    ushort low = v[0];
+    for (int k = 1; k < SHORTS; k++) low = v[k] < low ? v[k] : low;
+    return low;
 #endif
 }
