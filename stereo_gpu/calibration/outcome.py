@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from stereo_gpu.calibration.board import Board
 from stereo_gpu.deviations import Deviations
 from stereo_gpu.rig import Rig
-from stereo_gpu.types import Doubles, Floats
+from stereo_gpu.types import Doubles, Floats, Ints
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -22,6 +22,7 @@ class CalibrationView:
         projected: the same corners where the final rig puts them; None where the board's pose is not known.
         rotation: (3, 3), board to left camera frame; None where it is not known.
         translation: (3,), the same, in the board's unit.
+        ids: (n,), which of the board's points the corners are; None where they are all of them in their order.
     """
 
     left: str
@@ -32,6 +33,7 @@ class CalibrationView:
     projected: tuple[Floats | None, Floats | None]
     rotation: Doubles | None
     translation: Doubles | None
+    ids: tuple[Ints | None, Ints | None] = (None, None)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
