@@ -90,6 +90,7 @@ def test_cells_count_views():
     assert coverage.cells.shape == (6, 8)
     assert coverage.share == 0
     assert coverage.missing() == ["no view of the board"]
+    assert coverage.progress() == 0
     # A pixel's centre is a whole number: the picture goes from -0.5 to 479.5.
     corners = np.float32([[-0.4, -0.4], [479.4, 359.4], [59.4, 10], [59.6, 10]])
     coverage.add(BoardView(corners, np.int32([0, 1, 2, 3])))
@@ -152,7 +153,10 @@ def test_what_is_missing_is_said_in_words():
         "no corner near the bottom edge of the picture",
         "the board was always at about the same distance: bring it closer",
     ]
+    assert coverage.next_step() == "tilt it left or right"
+    before = coverage.progress()
     coverage.add(seen(x=0.25, lean_x=30))
+    assert before < coverage.progress() < 1
     coverage.add(seen(y=0.3, x=0.3, lean_y=30, distance=400))
     assert "the board was never tilted left or right" not in coverage.missing()
     assert "the board was never tilted up or down" not in coverage.missing()
@@ -164,6 +168,7 @@ def test_what_is_missing_is_said_in_words():
         "no corner near the top right of the picture",
         "no corner near the bottom left of the picture",
     ]
+    assert coverage.next_step() == "move it to the top right"
 
 
 def full(size=SIZE):
@@ -179,6 +184,8 @@ def full(size=SIZE):
 def test_nothing_is_missing_in_the_end():
     coverage = full()
     assert coverage.missing() == []
+    assert coverage.next_step() == ""
+    assert coverage.progress() == 1
     assert coverage.share >= 0.6
     assert coverage.tilts == set(Tilt)
 

@@ -33,6 +33,7 @@ SIDES = frozenset(name for _, names in EDGES[:2] for name in names)
 ENOUGH = 0.6  # of the cells: what careful calibrations with 13 to 30 views reach and more
 LEANING = 0.2  # sine of the lean, 12 degrees, from which the board counts as tilted to a side
 SIZE_RATIO = 1.25  # between the nearest and the farthest board
+HALF = 0.5  # `Placement.size` from which a board is called near
 NEW = 0.2  # summed change of place, size and lean from which a view is a new one; as in ROS's calibrator
 NEW_CELLS = 3  # or it has corners in so many cells that were empty
 SAME = 0.06  # but not where it hardly moved: corners at the border of cells jitter into new ones
@@ -46,6 +47,9 @@ class Tilt(StrEnum):
     RIGHT = "right"
     UP = "up"
     DOWN = "down"
+
+
+TILT_AXES = (frozenset({Tilt.LEFT, Tilt.RIGHT}), frozenset({Tilt.UP, Tilt.DOWN}))
 
 
 class Coverage:
@@ -108,28 +112,53 @@ class Coverage:
         Args:
             excused: regions that need no corner, by name.
         """
+        return [said for said, _ in self._lacks(excused)]
+
+    def next_step(self, excused: Collection[str] = ()) -> str:
+        """What to do with the board next, such as "move it to the top left"; empty when nothing is missing."""
+        return next((step for _, step in self._lacks(excused)), "")
+
+    def progress(self, excused: Collection[str] = ()) -> float:
+        """How much of what is wanted is there, 0..1; 1 when nothing is missing."""
+        regions = sum(name not in self.missing_regions() or name in excused for name, *_ in REGIONS)
+        others = sum(bool(self.tilts & axis) for axis in TILT_AXES) + self._near_and_far
+        return (regions + others + min(1.0, self.share / ENOUGH)) / (len(REGIONS) + len(TILT_AXES) + 2)
+
+    @property
+    def _near_and_far(self) -> bool:
+        smallest, largest = self.sizes
+        return bool(smallest) and largest >= SIZE_RATIO * smallest
+
+    def _lacks(self, excused: Collection[str]) -> list[tuple[str, str]]:
+        """What is missing, and what to do about it."""
         if not self.views:
-            return ["no view of the board"]
+            return [("no view of the board", "show the board")]
         lacks = [
-            f"the board was never tilted {names[0]} or {names[1]}"
-            for names in ((Tilt.LEFT, Tilt.RIGHT), (Tilt.UP, Tilt.DOWN))
-            if not self.tilts & set(names)
+            (f"the board was never tilted {one} or {other}", f"tilt it {one} or {other}")
+            for axis in TILT_AXES
+            if not self.tilts & axis
+            for one, other in [sorted(axis, key=list(Tilt).index)]
         ]
         empty = [name for name in self.missing_regions() if name not in excused]
         if "middle" in empty:
-            lacks.append("no corner in the middle of the picture")
-        for edge, names in EDGES:
-            if all(name in empty for name in names):
-                lacks.append(f"no corner near the {edge} edge of the picture")
-        whole = {name for _, names in EDGES if all(name in empty for name in names) for name in names}
+            lacks.append(("no corner in the middle of the picture", "move it to the middle"))
+        edges = [(edge, names) for edge, names in EDGES if all(name in empty for name in names)]
         lacks += [
-            f"no corner near the {name} of the picture" for name in empty if name != "middle" and name not in whole
+            (f"no corner near the {edge} edge of the picture", f"move it to the {edge} edge") for edge, _ in edges
+        ]
+        told = {"middle"}.union(*(names for _, names in edges))
+        lacks += [
+            (f"no corner near the {name} of the picture", f"move it to the {name}")
+            for name in empty
+            if name not in told
         ]
         if not empty and self.share < ENOUGH:
-            lacks.append(f"corners in {self.share:.0%} of the picture, {ENOUGH:.0%} are wanted")
-        smallest, largest = self.sizes
-        if largest < SIZE_RATIO * smallest:
-            lacks.append(f"the board was always at about the same distance: bring it {_closer(smallest)}")
+            lacks.append(
+                (f"corners in {self.share:.0%} of the picture, {ENOUGH:.0%} are wanted", "move it where no corner was")
+            )
+        if not self._near_and_far:
+            way = "closer" if self.sizes[0] < HALF else "farther away"
+            lacks.append((f"the board was always at about the same distance: bring it {way}", f"bring it {way}"))
         return lacks
 
     def _cells_of(self, view: BoardView) -> Ints:
@@ -142,14 +171,18 @@ class Coverage:
 
 
 def missing_in_both(left: Coverage, right: Coverage) -> tuple[list[str], list[str]]:
-    """What each camera's views lack, where every board must be seen by both cameras.
+    """What the views of each camera lack, where both must see every board."""
+    excused = out_of_reach(left, right)
+    return left.missing(excused[0]), right.missing(excused[1])
+
+
+def out_of_reach(left: Coverage, right: Coverage) -> tuple[frozenset[str], frozenset[str]]:
+    """Regions at the sides of each picture that need no corner, where both cameras must see every board.
 
     A board that stands at the left edge of the right picture is some way inside the left one and cannot go farther.
-    So no corner is asked for at a side of one picture where the other has some already.
+    So nothing is asked for at a side of one picture where the other has a corner already.
     """
-    empty = set(left.missing_regions()), set(right.missing_regions())
-    excused = SIDES - empty[1], SIDES - empty[0]
-    return left.missing(excused[0]), right.missing(excused[1])
+    return SIDES - set(right.missing_regions()), SIDES - set(left.missing_regions())
 
 
 def tilts_of(placement: Placement) -> set[Tilt]:
@@ -171,8 +204,3 @@ def _difference(one: Placement, other: Placement) -> float:
         + abs(one.lean_x - other.lean_x) / 2  # a sine runs from -1 to 1
         + abs(one.lean_y - other.lean_y) / 2
     )
-
-
-def _closer(size: float) -> str:
-    """Which way to go from boards that fill this share of the picture."""
-    return "closer" if size < 0.5 else "farther away"
