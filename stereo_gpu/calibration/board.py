@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereo_gpu.calibration.checkerboard import FEWEST_SQUARES, find_checkerboard
+from stereo_gpu.calibration.checkerboard import FEWEST_SQUARES, find_checkerboard, survey_checkerboard
 from stereo_gpu.errors import InputError
 from stereo_gpu.types import Floats, Ints, Picture
 
@@ -98,6 +98,11 @@ class Board:
         return self.columns - 1, self.rows - 1
 
     @property
+    def described(self) -> str:
+        """What it is, for messages."""
+        return f"{self} squares ({self.corners[0]}x{self.corners[1]} inner corners)"
+
+    @property
     def points(self) -> Floats:
         """The inner corners on the board, (N, 3) float32 in `unit`, row by row, z = 0."""
         columns, rows = self.corners
@@ -119,6 +124,23 @@ class Board:
         """
         corners = find_checkerboard(picture, self.corners)
         return None if corners is None else BoardView.whole(corners)
+
+    def hint(self, picture: Picture, view: BoardView | None) -> str:
+        """Say in words which other board the picture shows, and what to do; "" where it seems to be this one.
+
+        Args:
+            picture: any picture.
+            view: what `find` found in it.
+        """
+        size = survey_checkerboard(picture)
+        if size is None:
+            return ""
+        given = max(self.columns, self.rows), min(self.columns, self.rows)
+        # The finder finds a part of a board, too, but not the same part in both cameras.
+        part = size[0] >= given[0] and size[1] >= given[1]
+        if size == given or (view is not None and not part):
+            return ""
+        return f"found {size[0] - 1}x{size[1] - 1} inner corners = {size[0]}x{size[1]} squares: say {size[0]}x{size[1]}"
 
 
 def parse_squares(text: str) -> tuple[int, int]:

@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 
 from stereo_gpu.calibration.board import Board, BoardView, in_both
-from stereo_gpu.calibration.checkerboard import survey_boards
 from stereo_gpu.errors import CalibrationError, InputError, PictureError
 from stereo_gpu.images import check_picture, read_image
 from stereo_gpu.types import Picture
@@ -71,7 +70,7 @@ def find_pairs(
         raise CalibrationError(f"{count} pairs: a calibration needs {FEWEST_PAIRS} or more, better 15")
     first = np.unique(np.linspace(0, count - 1, SURVEYED_PAIRS).astype(int)).tolist()
     sizes: list[tuple[int, int]] = []
-    survey: Counter[tuple[int, int]] = Counter()
+    hints: Counter[str] = Counter()
     pairs: dict[int, BoardPair] = {}
     for number in [*first, *(other for other in range(count) if other not in first)]:
         pair = pairs[number] = BoardPair((sources[0][number][0], sources[1][number][0]))
@@ -86,16 +85,17 @@ def find_pairs(
                     f"{name} is {size[0]} x {size[1]} px, the {('left', 'right')[side]} ones before were"
                     f" {sizes[side][0]} x {sizes[side][1]}: take all pictures of a camera in one size"
                 )
-            pair.views.append(board.find(picture))
+            view = board.find(picture)
+            pair.views.append(view)
             if number in first:
-                survey.update(survey_boards([picture]))
+                hints[board.hint(picture, view)] += 1
             if progress is not None:
                 progress(2 * len(pairs) - 1 + side, 2 * count)
         _leave_out_blank(pair)
         if len(pairs) == len(first):
-            _refuse_other_board([pairs[number] for number in first], survey, board)
+            _refuse_other_board(hints, board)
     found = [pairs[number] for number in range(count)]
-    _refuse_too_few(found, survey, board)
+    _refuse_too_few(found, board)
     return found, sizes
 
 
@@ -126,47 +126,21 @@ def _leave_out_blank(pair: BoardPair) -> None:
         pair.drop(f"left and right see {common} corners of the board in common, {FEWEST_IN_BOTH} are needed")
 
 
-def _common(survey: Counter[tuple[int, int]]) -> tuple[int, int] | None:
-    """The size of board that most of the surveyed pictures show, if there is one."""
-    [(size, often)] = survey.most_common(1) or [((0, 0), 0)]
-    return size if often >= 2 and often > sum(survey.values()) / 2 else None
-
-
-def _refuse_other_board(pairs: list[BoardPair], survey: Counter[tuple[int, int]], board: Board) -> None:
+def _refuse_other_board(hints: Counter[str], board: Board) -> None:
     """Stop early if the pictures show another board, of which this one may be a part."""
-    given = max(board.columns, board.rows), min(board.columns, board.rows)
-    seen = _common(survey)
-    if seen is None or seen == given:
-        return
-    nowhere = all(view is None for pair in pairs for view in pair.views)
-    # The finders find a part of a board, too, but not the same part in both cameras.
-    part = seen[0] >= given[0] and seen[1] >= given[1]
-    if nowhere or part:
-        raise CalibrationError(_other(board, seen))
+    [(hint, often)] = hints.most_common(1)
+    # A chance find in a few pictures is no reason to doubt what was given.
+    if hint and 2 * often >= hints.total():
+        raise CalibrationError(f"looked for a board of {board.described}, {hint}")
 
 
-def _refuse_too_few(pairs: list[BoardPair], survey: Counter[tuple[int, int]], board: Board) -> None:
+def _refuse_too_few(pairs: list[BoardPair], board: Board) -> None:
     usable = sum(not pair.reason for pair in pairs)
     if usable >= FEWEST_PAIRS:
         return
-    given = max(board.columns, board.rows), min(board.columns, board.rows)
-    seen = _common(survey)
-    if seen is not None and seen != given:
-        raise CalibrationError(_other(board, seen))
     boards = sum(view is not None for pair in pairs for view in pair.views)
     raise CalibrationError(
-        f"{usable} of {len(pairs)} pairs show a whole board of {_told(board)} in both pictures ({boards} of"
+        f"{usable} of {len(pairs)} pairs show a whole board of {board.described} in both pictures ({boards} of"
         f" {2 * len(pairs)} pictures do), {FEWEST_PAIRS} are needed: give the squares as printed, and take"
         " pictures that show all of them"
-    )
-
-
-def _told(board: Board) -> str:
-    return f"{board} squares ({board.corners[0]}x{board.corners[1]} inner corners)"
-
-
-def _other(board: Board, seen: tuple[int, int]) -> str:
-    return (
-        f"looked for a board of {_told(board)}, found {seen[0] - 1}x{seen[1] - 1} inner corners ="
-        f" {seen[0]}x{seen[1]} squares: say {seen[0]}x{seen[1]}"
     )

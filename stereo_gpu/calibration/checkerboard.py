@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 import cv2
 import numpy as np
 
+from stereo_gpu.calibration.crossings import largest_grid
 from stereo_gpu.images import grey
 from stereo_gpu.types import Bytes, Floats, Picture
 
@@ -16,6 +16,7 @@ SMALLEST_SQUARE = 4  # px: OpenCV fails outright on a picture of a few pixels
 WORKING_SIDE = 1600  # px: on larger pictures the board is found on a smaller copy, then refined on the whole one
 REFINEMENT_WINDOW = 0.25  # of the shortest distance between corners; at 0.4 it reaches into the next square
 LARGEST_WINDOW = 15  # px, half a side
+LEAST_SHARE = 0.5  # of the corners that a first look must show; where a board was found it showed 0.95 or more
 SECTOR_FLAGS = (  # each finds boards that the other misses
     cv2.CALIB_CB_ACCURACY,
     cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE,
@@ -29,16 +30,18 @@ CLASSIC_FLAGS = (
 def find_checkerboard(picture: Picture, size: tuple[int, int]) -> Floats | None:
     """Find all inner corners of a checkerboard: (N, 2) float32 px, row by row, or None.
 
-    Tries OpenCV's sector-based finder (Duda and Frese 2018), then the classic one, on the picture and on a
-    copy with its contrast evened out, then enlarged; refines on the picture itself. Which of its ends is the
-    first corner is left open; going along a row and then down the rows always turns clockwise.
+    A quick look refuses pictures that show nothing like it. Then OpenCV's sector-based finder (Duda and Frese 2018)
+    and the classic one are tried on the picture, on a copy with its contrast evened out, and on another size of it;
+    the corners are refined on the picture itself. Which of its ends is the first corner is left open; going along a
+    row and then down the rows always turns clockwise.
 
     Args:
         picture: any picture.
         size: columns and rows of inner corners.
     """
     flat = grey(picture)
-    if _too_thin(flat, min(size) + 1):
+    needed = int(LEAST_SHARE * size[0] * size[1])
+    if _too_thin(flat, min(size) + 1) or largest_grid(flat, needed) < needed:
         return None
     for number, scaled in enumerate(_copies(flat)):
         # What every finder missed on the picture itself is seldom there: a quicker search of the other copies.
@@ -50,18 +53,17 @@ def find_checkerboard(picture: Picture, size: tuple[int, int]) -> Floats | None:
     return None
 
 
-def survey_boards(pictures: Iterable[Picture]) -> Counter[tuple[int, int]]:
-    """How many of the pictures show a board of how many squares, (longer side, shorter side); a hint."""
-    seen: Counter[tuple[int, int]] = Counter()
-    for picture in pictures:
-        flat, flags = grey(picture), cv2.CALIB_CB_LARGER | cv2.CALIB_CB_NORMALIZE_IMAGE
-        if _too_thin(flat, FEWEST_SQUARES):
-            continue
-        # Starting from 3 x 3 corners, the finder grows the board as far as it goes and says how far that was.
-        found, _, meta = cv2.findChessboardCornersSBWithMeta(_shrunk(flat), (3, 3), flags)
-        if found and meta is not None:
-            seen[max(meta.shape[:2]) + 1, min(meta.shape[:2]) + 1] += 1
-    return seen
+def survey_checkerboard(picture: Picture) -> tuple[int, int] | None:
+    """How many squares the checkerboard in a picture has, (longer side, shorter side); a hint, None without one."""
+    flat, flags = grey(picture), cv2.CALIB_CB_LARGER | cv2.CALIB_CB_NORMALIZE_IMAGE
+    least = (FEWEST_SQUARES - 1) ** 2
+    if _too_thin(flat, FEWEST_SQUARES) or largest_grid(flat, 2 * least) < 2 * least:
+        return None
+    # Starting from 3 x 3 corners, the finder grows the board as far as it goes and says how far that was.
+    found, _, meta = cv2.findChessboardCornersSBWithMeta(_shrunk(flat), (3, 3), flags)
+    if not found or meta is None:
+        return None
+    return max(meta.shape[:2]) + 1, min(meta.shape[:2]) + 1
 
 
 def _too_thin(flat: Bytes, squares: int) -> bool:
