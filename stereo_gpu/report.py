@@ -67,6 +67,7 @@ def write_report(
     """
     page = Template(Path(__file__).with_name("report.html").read_text(encoding="utf-8"))
     content = page.substitute(
+        style=Path(__file__).with_name("report.css").read_text(encoding="utf-8"),
         title=escape(title),
         warnings=_warnings(warnings),
         model="" if mesh is None else _model(mesh),
