@@ -4,6 +4,7 @@ StereoError
 |-- InputError        a file, picture, rig or option is wrong (command line: exit status 2)
 |   `-- PictureError  a picture cannot be read or does not fit the others
 |-- CalibrationError  the board pictures do not give a calibration
+|-- CameraError       a camera or stream that was read fails and does not come back
 |-- BackendError      a device is missing, cannot be used or failed
 |   `-- MemoryLimitError  a job does not fit the device
 `-- StageError        a stage had nothing to work on (no valid disparity, an empty mesh)
@@ -26,6 +27,10 @@ class PictureError(InputError):
 
 class CalibrationError(InputError):
     """The board pictures do not give a calibration."""
+
+
+class CameraError(StereoError):
+    """A camera or stream that was read fails and does not come back."""
 
 
 class BackendError(StereoError):

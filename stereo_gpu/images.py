@@ -20,6 +20,7 @@ PIXEL_LIMIT = 400_000_000  # larger is a broken header rather than a camera
 BYTE_LIMIT = PIXEL_LIMIT * 6 + 2**20  # 16 bit, three channels, not compressed
 SMALLEST_SIDE = 3  # px: the smallest window that can be matched
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+PICTURE_SUFFIXES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".ppm", ".pgm", ".webp"}
 
 logger = logging.getLogger(__name__)
 

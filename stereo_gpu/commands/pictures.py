@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from stereo_gpu.errors import InputError
+from stereo_gpu.images import PICTURE_SUFFIXES
 from stereo_gpu.types import Bytes
-
-PICTURES = {".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".ppm", ".pgm", ".webp"}
 
 
 def split_pictures(given: Sequence[str]) -> tuple[list[Path], list[Path]]:
@@ -29,7 +28,7 @@ def split_pictures(given: Sequence[str]) -> tuple[list[Path], list[Path]]:
 def _expand(name: str) -> list[Path]:
     path = Path(name)
     if path.is_dir():
-        found = sorted(file for file in path.iterdir() if file.suffix.lower() in PICTURES)
+        found = sorted(file for file in path.iterdir() if file.suffix.lower() in PICTURE_SUFFIXES)
         if not found:
             raise InputError(f"folder {name} holds no picture: it needs files such as left01.png")
         return found
