@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import cv2
 import numpy as np
 
-from stereo_gpu.calibration.crossings import largest_grid
+from stereo_gpu.calibration.crossings import grid_at_size, largest_grid
 from stereo_gpu.images import grey
 from stereo_gpu.types import Bytes, Floats, Picture
 
@@ -16,7 +16,7 @@ SMALLEST_SQUARE = 4  # px: OpenCV fails outright on a picture of a few pixels
 WORKING_SIDE = 1600  # px: on larger pictures the board is found on a smaller copy, then refined on the whole one
 REFINEMENT_WINDOW = 0.25  # of the shortest distance between corners; at 0.4 it reaches into the next square
 LARGEST_WINDOW = 15  # px, half a side
-LEAST_SHARE = 0.5  # of the corners that a first look must show; where a board was found it showed 0.95 or more
+LEAST_SHARE = 0.7  # of the corners that a first look must show, but for the four ends; real boards showed 0.95 or more
 SECTOR_FLAGS = (  # each finds boards that the other misses
     cv2.CALIB_CB_ACCURACY,
     cv2.CALIB_CB_ACCURACY | cv2.CALIB_CB_EXHAUSTIVE | cv2.CALIB_CB_NORMALIZE_IMAGE,
@@ -40,10 +40,10 @@ def find_checkerboard(picture: Picture, size: tuple[int, int]) -> Floats | None:
         size: columns and rows of inner corners.
     """
     flat = grey(picture)
-    needed = int(LEAST_SHARE * size[0] * size[1])
+    needed = int(LEAST_SHARE * (size[0] * size[1] - 4))
     if _too_thin(flat, min(size) + 1) or largest_grid(flat, needed) < needed:
         return None
-    for number, scaled in enumerate(_copies(flat)):
+    for number, scaled in enumerate(_copies(flat, needed)):
         # What every finder missed on the picture itself is seldom there: a quicker search of the other copies.
         quick = (SECTOR_FLAGS[:1], CLASSIC_FLAGS[:1])
         corners = _search(scaled, size, *(quick if number else (SECTOR_FLAGS, CLASSIC_FLAGS)))
@@ -56,8 +56,8 @@ def find_checkerboard(picture: Picture, size: tuple[int, int]) -> Floats | None:
 def survey_checkerboard(picture: Picture) -> tuple[int, int] | None:
     """How many squares the checkerboard in a picture has, (longer side, shorter side); a hint, None without one."""
     flat, flags = grey(picture), cv2.CALIB_CB_LARGER | cv2.CALIB_CB_NORMALIZE_IMAGE
-    least = (FEWEST_SQUARES - 1) ** 2
-    if _too_thin(flat, FEWEST_SQUARES) or largest_grid(flat, 2 * least) < 2 * least:
+    least = (FEWEST_SQUARES - 1) ** 2 - 4
+    if _too_thin(flat, FEWEST_SQUARES) or largest_grid(flat, least) < least:
         return None
     # Starting from 3 x 3 corners, the finder grows the board as far as it goes and says how far that was.
     found, _, meta = cv2.findChessboardCornersSBWithMeta(_shrunk(flat), (3, 3), flags)
@@ -77,15 +77,18 @@ def _shrunk(flat: Bytes, side: int = WORKING_SIDE) -> Bytes:
     return small
 
 
-def _copies(flat: Bytes) -> Iterator[Bytes]:
-    """Where to look, the likeliest first."""
+def _copies(flat: Bytes, needed: int) -> Iterator[Bytes]:
+    """Where to look, the likeliest first; another size only where it shows as many crossings as needed."""
     small = _shrunk(flat)
     yield small
     yield cv2.createCLAHE(clipLimit=3.0, tileGridSize=(4, 4)).apply(small)
+    other = None
     if small is not flat:
-        yield _shrunk(flat, 2 * WORKING_SIDE)
+        other = _shrunk(flat, 2 * WORKING_SIDE)
     elif 2 * max(flat.shape) <= WORKING_SIDE:
-        yield cv2.resize(flat, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
+        other = cv2.resize(flat, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
+    if other is not None and grid_at_size(other) >= needed:
+        yield other
 
 
 def _search(
