@@ -25,7 +25,7 @@ from stereo_gpu.mask import mask_from_depth, mask_from_rectangle
 from stereo_gpu.match_options import Range, Window
 from stereo_gpu.mesh import build_mesh
 from stereo_gpu.prepare import find_levels, grey_scale
-from stereo_gpu.rectify import DevicePair, check_rig, download_pair, plan_rectification, rectify_on
+from stereo_gpu.rectify import DevicePair, check_sizes, download_pair, plan_rectification, rectify_on
 from stereo_gpu.result import Reconstruction
 from stereo_gpu.rig import Rig
 from stereo_gpu.texture import bake_texture, project
@@ -103,7 +103,7 @@ def reconstruct(
         raw_left, raw_right = _read(left), _read(right)
         inputs = {"left": _describe(left), "right": _describe(right)}
         check_pair(raw_left, raw_right)
-        check_rig(raw_left, rig)
+        check_sizes(raw_left, rig)
         job = check_against(job, raw_left)
     with watch.step("rectify"):
         plan = plan_rectification(rig)

@@ -102,13 +102,13 @@ def rectify(left: Picture, right: Picture, rig: Rig, *, backend: str | None = No
         BackendError: the device is missing or fails.
     """
     check_pair(left, right)
-    check_rig(left, rig)
+    check_sizes(left, rig)
     device = open_backend(backend)
     plan = plan_rectification(rig)
     return download_pair(device, rectify_on(device, left, right, rig, plan), plan)
 
 
-def check_rig(left: Picture, rig: Rig) -> None:
+def check_sizes(left: Picture, rig: Rig) -> None:
     """Refuse pictures that the rig's cameras cannot have taken.
 
     Raises:

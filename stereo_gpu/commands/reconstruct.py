@@ -36,12 +36,12 @@ def run(options: argparse.Namespace) -> None:
     from stereo_gpu.files import check_writable
     from stereo_gpu.images import check_pair, read_image
     from stereo_gpu.pipeline import STAGES, reconstruct
-    from stereo_gpu.rectify import check_rig
+    from stereo_gpu.rectify import check_sizes
     from stereo_gpu.rig import Rig
 
     rig, left, right = Rig.load(options.rig), read_image(options.left), read_image(options.right)
     check_pair(left, right)
-    check_rig(left, rig)
+    check_sizes(left, rig)
     mask = read_mask(options.mask, left.shape[:2])
     check_writable(options.out)
     with Progress([*STAGES, "save"]) as progress:

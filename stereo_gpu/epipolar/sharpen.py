@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
 
 from stereo_gpu.epipolar.features import WORKING_SIDE
 from stereo_gpu.images import grey
-from stereo_gpu.types import Bytes, Doubles, Picture
+from stereo_gpu.types import Bytes, Doubles, Floats, Picture
 
 LARGEST_SIDE = 4096  # px: larger pictures are shrunk to this, for the memory that gradients take
 WINDOW = 21  # px
@@ -42,7 +44,7 @@ def sharpen_matches(
     level_right, scale_right = _levelled(right)
     start = _to(points_left, scale_left)
     guess = _to(points_right, scale_right)
-    track = {
+    track: dict[str, Any] = {
         "winSize": (WINDOW, WINDOW),
         "maxLevel": 1,
         "criteria": (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 30, 0.005),
@@ -75,7 +77,6 @@ def _levelled(picture: Picture) -> tuple[Bytes, Doubles]:
     return levelled, np.array(size, np.float64) / flat.shape[::-1]
 
 
-def _to(points: Doubles, scale: Doubles) -> Doubles:
-    """Points in the pixels of a picture scaled by `scale`, as OpenCV's tracker takes them."""
-    moved: Doubles = ((points + 0.5) * scale - 0.5).astype(np.float32).reshape(-1, 1, 2)
-    return moved
+def _to(points: Doubles, scale: Doubles) -> Floats:
+    """Points in the pixels of a picture scaled by `scale`, as OpenCV's tracker takes them, (N, 1, 2)."""
+    return ((points + 0.5) * scale - 0.5).astype(np.float32).reshape(-1, 1, 2)

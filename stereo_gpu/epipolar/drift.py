@@ -1,0 +1,100 @@
+"""How far a rig's right camera has turned and moved since the calibration, from the rows of matched points."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from stereo_gpu.epipolar.rows import find_rows
+from stereo_gpu.rig import Rig
+from stereo_gpu.types import Doubles
+
+# What a knock does to cameras on one bar, standard deviations in degrees. What the rows say nothing of stays within.
+TURN_DEG, MOVE_DEG = 0.5, 0.5
+NOISE_PX = 0.3  # of a match's row, before its own spread is known
+LEAST_NOISE_PX = 0.05
+_TO_SPREAD = 1.4826  # from the median of absolute values to the standard deviation
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Drift:
+    """A small motion of the right camera, the distance between the cameras kept.
+
+    Args:
+        turn: (3,) degrees, rotation vector in the right camera's frame: about x (pitch), y (yaw) and z (roll).
+        move: (2,) degrees by which the right camera's place, seen from the left one, went down and forward.
+        deviations: (5,) degrees, of turn and move.
+    """
+
+    turn: Doubles
+    move: Doubles
+    deviations: Doubles
+
+    @property
+    def turn_deg(self) -> float:
+        """Angle of the rotation."""
+        return float(np.linalg.norm(self.turn))
+
+    @property
+    def move_deg(self) -> float:
+        """Angle between the two directions from the left camera to the right one."""
+        return float(np.degrees(np.arctan(np.linalg.norm(np.tan(np.radians(self.move))))))
+
+
+def drifted(rig: Rig, drift: Drift) -> Rig:
+    """The rig with its right camera turned and moved."""
+    rotation, translation = _moved(rig, np.concatenate([drift.turn, drift.move]))
+    return dataclasses.replace(rig, R=rotation, T=translation)
+
+
+def fit_drift(
+    rays_left: Doubles, rays_right: Doubles, rig: Rig, focal: float, weights: Doubles | None = None
+) -> tuple[Drift, Doubles]:
+    """The drift that brings matched rays onto common rows, and the vertical errors (N,) px that it leaves.
+
+    Five numbers are sought, all that rows can tell of two cameras, by robust least squares with a ridge: yaw and the
+    place of the camera barely show in rows where depths are much the same, and then stay near zero.
+
+    Args:
+        rays_left, rays_right: (N, 2) each, N at least 5, finite.
+        rig: as it was calibrated.
+        focal: px, the scale of the errors.
+        weights: (N,) of each match's error; None for 1.
+    """
+    from scipy.optimize import least_squares
+
+    weights = np.ones(len(rays_left)) if weights is None else weights
+    prior = np.array([TURN_DEG] * 3 + [MOVE_DEG] * 2)
+
+    def errors(numbers: Doubles) -> Doubles:
+        return find_rows(rays_left, rays_right, *_moved(rig, numbers), focal).vertical
+
+    noise, found = NOISE_PX, np.zeros(5)
+    for _ in range(2):
+
+        def residuals(numbers: Doubles, noise: float = noise) -> Doubles:
+            return np.concatenate([weights * errors(numbers) / noise, numbers / prior])
+
+        fit = least_squares(residuals, found, loss="soft_l1", x_scale=prior, max_nfev=50)
+        found = fit.x
+        left = errors(found)
+        noise = max(LEAST_NOISE_PX, _TO_SPREAD * float(np.median(np.abs(left))))
+    deviations = np.sqrt(np.diag(np.linalg.inv(fit.jac.T @ fit.jac)))
+    return Drift(turn=found[:3], move=found[3:], deviations=deviations), left
+
+
+def _moved(rig: Rig, numbers: Doubles) -> tuple[Doubles, Doubles]:
+    """R and T after the right camera turned by numbers[:3] and moved by numbers[3:], all in degrees."""
+    turn = cv2.Rodrigues(np.radians(numbers[:3]))[0]
+    place = -rig.R.T @ rig.T  # of the right camera in the left one's frame
+    along = place / rig.baseline
+    down = np.array([0.0, 1.0, 0.0]) - along[1] * along
+    down /= np.linalg.norm(down)
+    forward = np.cross(along, down)
+    moved = along + np.tan(np.radians(numbers[3])) * down + np.tan(np.radians(numbers[4])) * forward
+    rotation = turn @ rig.R
+    translation: Doubles = -rotation @ (moved * (rig.baseline / np.linalg.norm(moved)))
+    return rotation, translation

@@ -1,0 +1,71 @@
+"""On which rows a rig puts matched points of a raw pair: in a rectified pair both lie on one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from stereo_gpu.rig import Camera, Rig
+from stereo_gpu.types import Doubles
+
+WIDEST = 10.0  # x / z: nearly 85 degrees off the axis, where no lens model of these holds
+PASSES = 20  # over OpenCV's own five, which do not suffice at the corners of a wide lens
+EXACT_PX = 1e-3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rows:
+    """Where a rig puts matched points, in px of a camera with the mean focal length of the two.
+
+    Args:
+        vertical: (N,) row in the left picture less row in the right one; 0 with a perfect rig.
+        disparity: (N,) column in the left picture less column in the right one, 0 at infinity.
+        at: (N, 2) place in the rectified left picture, in focal lengths from its principal point.
+    """
+
+    vertical: Doubles
+    disparity: Doubles
+    at: Doubles
+
+
+def focal_length(rig: Rig) -> float:
+    """Mean focal length of the two cameras along the rows' normal, px."""
+    return float(rig.left.matrix[1, 1] + rig.right.matrix[1, 1]) / 2
+
+
+def rays(points: Doubles, camera: Camera) -> Doubles:
+    """(N, 2) directions x / z, y / z in the camera's frame, from (N, 2) px; NaN where the lens model has none."""
+    if not len(points):
+        return np.zeros((0, 2))
+    directions: Doubles = cv2.undistortPoints(points.reshape(-1, 1, 2), camera.matrix, camera.distortion).reshape(-1, 2)
+    focal = np.diag(camera.matrix)[:2]
+    off = np.full(len(points), np.inf)
+    for _ in range(PASSES):
+        ahead = np.column_stack([np.clip(np.nan_to_num(directions), -WIDEST, WIDEST), np.ones(len(points))])
+        seen = cv2.projectPoints(ahead, np.zeros(3), np.zeros(3), camera.matrix, camera.distortion)[0].reshape(-1, 2)
+        off = np.abs(seen - points).max(axis=1)
+        if (off < EXACT_PX).all():
+            break
+        directions = ahead[:, :2] - (seen - points) / focal
+    return np.where(off[:, None] < EXACT_PX, directions, np.nan)
+
+
+def rectifying_rotations(rotation: Doubles, translation: Doubles) -> tuple[Doubles, Doubles]:
+    """The two rotations (3, 3), raw camera frame to rectified one, of cv2.stereoRectify (Bouguet's method)."""
+    ideal = np.eye(3)
+    left, right = cv2.stereoRectify(
+        ideal, None, ideal, None, (640, 480), rotation, translation.reshape(3, 1), flags=cv2.CALIB_ZERO_DISPARITY
+    )[:2]
+    return left, right
+
+
+def find_rows(rays_left: Doubles, rays_right: Doubles, rotation: Doubles, translation: Doubles, focal: float) -> Rows:
+    """Rectify matched rays, (N, 2) each, by X_right = rotation X_left + translation; `focal` in px sets the scale."""
+    sides = []
+    for directions, turn in zip((rays_left, rays_right), rectifying_rotations(rotation, translation), strict=True):
+        turned = np.column_stack([directions, np.ones(len(directions))]) @ turn.T
+        sides.append(turned[:, :2] / turned[:, 2:])
+    apart = focal * (sides[0] - sides[1])
+    return Rows(vertical=apart[:, 1], disparity=apart[:, 0], at=sides[0])

@@ -1,0 +1,205 @@
+"""Is this rig still good? The rows of matched features of a raw pair tell, and what is wrong if it is not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+
+from stereo_gpu.epipolar.consensus import agreeing
+from stereo_gpu.epipolar.drift import fit_drift
+from stereo_gpu.epipolar.error_map import ErrorMap, map_errors
+from stereo_gpu.epipolar.faults import Fault, explain, share_behind
+from stereo_gpu.epipolar.features import WORKING_SIDE, match_features
+from stereo_gpu.epipolar.rows import find_rows, focal_length, rays
+from stereo_gpu.epipolar.sharpen import sharpen_matches
+from stereo_gpu.errors import InputError
+from stereo_gpu.images import check_pair
+from stereo_gpu.rectify import check_sizes, plan_rectification
+from stereo_gpu.rig import Camera, Rig
+from stereo_gpu.types import Doubles, Picture, RectifiedPair
+
+WARN_PX, REFUSE_PX = 0.5, 2.0  # median vertical error
+ENOUGH, ENOUGH_SHARE = 20, 0.25  # matches that agree, below which nothing is concluded
+STRAY_PX, STRAY = 1.0, 6.0  # px, and times the median: farther from what a drift explains lies no true match
+MOST = 1000  # matches that the fault is told from; more add time alone
+SMALL_SHARE = 0.15  # of the frame's cells with features, below which the verdict says that it holds for a part
+
+
+class Verdict(StrEnum):
+    """How good a rig is for a pair."""
+
+    GOOD = "good"
+    DOUBTFUL = "doubtful"  # rows differ by so much that matches are lost
+    BAD = "bad"  # not worth matching
+    UNKNOWN = "unknown"  # too few features
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RigCheck:
+    """What matched features tell of a rig and a raw pair.
+
+    Args:
+        matches: how many features were matched.
+        vertical_px: median distance between the rows of matched features that agree; NaN where nothing is concluded.
+        vertical_95_px: 95 % of them differ by no more.
+        bias_px: median of row in the left picture less row in the right one; above 0 the right picture lies higher.
+        behind: share of them that would lie behind the cameras.
+        verdict: in a word; says: in words, with the way out.
+        fault: what explains the errors, and `amount` of it: px of a shift down and degrees of a clockwise rotation of
+            the right picture against the left one, per cent by which the right one is larger, degrees of a turn.
+        map: errors over the left picture.
+        points_left, points_right: (N, 2) px in the raw pictures, the matches that agree.
+        vertical: (N,) px, their vertical errors.
+        size: width and height of the pictures.
+    """
+
+    matches: int
+    vertical_px: float
+    vertical_95_px: float
+    bias_px: float
+    behind: float
+    verdict: Verdict
+    says: str
+    fault: Fault
+    amount: float
+    map: ErrorMap
+    points_left: Doubles
+    points_right: Doubles
+    vertical: Doubles
+    size: tuple[int, int]
+
+    @property
+    def swapped(self) -> bool:
+        """Whether left and right look exchanged."""
+        return self.fault is Fault.SWAPPED
+
+    def record(self) -> dict[str, Any]:
+        """All numbers, for JSON; null where one is not known."""
+        return {
+            "verdict": str(self.verdict),
+            "says": self.says,
+            "fault": str(self.fault),
+            "amount": _known(self.amount),
+            "matches": self.matches,
+            "used": len(self.vertical),
+            "vertical_px": _known(self.vertical_px),
+            "vertical_95_px": _known(self.vertical_95_px),
+            "bias_px": _known(self.bias_px),
+            "behind": _known(self.behind),
+            "frame_share": self.map.share,
+            "map_px": [[_known(value) for value in row] for row in self.map.values.tolist()],
+            "map_counts": self.map.counts.tolist(),
+        }
+
+
+def check_rig(left: Picture, right: Picture, rig: Rig) -> RigCheck:
+    """Say whether a rig is still good, from a raw pair: matched SIFT features must lie on the rows that it gives.
+
+    Args:
+        left, right: raw pictures of the rig's cameras, (H, W) or (H, W, 3), uint8 or uint16.
+        rig: the calibrated pair of cameras.
+
+    Returns:
+        The errors over the frame, what explains them, and the verdict: good up to a median error of 0.5 px, bad
+        above 2 px or if the pictures are swapped, unknown with too few features.
+
+    Raises:
+        InputError: the pictures do not fit each other or the rig.
+    """
+    check_pair(left, right)
+    check_sizes(left, rig)
+    plan_rectification(rig)  # refuses cameras that stand above each other
+    points_left, points_right = sharpen_matches(left, right, *match_features(left, right))
+    matches, size = len(points_left), (left.shape[1], left.shape[0])
+    focal = focal_length(rig)
+    rows = find_rows(rays(points_left, rig.left), rays(points_right, rig.right), rig.R, rig.T, focal)
+    good = agreeing(rows, focal, scale=max(1.0, max(size) / WORKING_SIDE))
+    if good.sum() < max(ENOUGH, ENOUGH_SHARE * matches):
+        return _unknown(matches, int(good.sum()), size)
+    points_left, points_right = points_left[good], points_right[good]
+    sides = rays(points_left, rig.left), rays(points_right, rig.right)
+    # Wrong matches that come near a row by chance: they stray from the rest, whatever is wrong with the rig.
+    _, rest = fit_drift(*sides, rig, focal)
+    strays = np.abs(rest) > max(STRAY_PX, STRAY * float(np.median(np.abs(rest))))
+    points_left, points_right = points_left[~strays], points_right[~strays]
+    rows = find_rows(sides[0][~strays], sides[1][~strays], rig.R, rig.T, focal)
+    errors = np.abs(rows.vertical)
+    error = float(np.median(errors))
+    cells = map_errors(points_left, rows.vertical, size)
+    # The points are sorted by place, so that every n-th of them are spread as all are.
+    some = np.s_[:: -(-len(errors) // MOST)]
+    found = explain(points_left[some], points_right[some], rig)
+    verdict = Verdict.GOOD if error <= WARN_PX else Verdict.DOUBTFUL if error <= REFUSE_PX else Verdict.BAD
+    if found.fault in (Fault.SWAPPED, Fault.OTHER_RIG):
+        verdict = Verdict.BAD
+    where = "" if cells.share >= SMALL_SHARE else f", which fill only {cells.share:.0%} of the frame"
+    says = f"rows differ by {error:.2f} px (median of {len(errors)} features{where})"
+    if found.says:
+        says += f": {'good enough, but ' if verdict is Verdict.GOOD else ''}{found.says}; {found.mend}"
+    elif verdict is Verdict.GOOD:
+        says += ": the rig is good"
+    return RigCheck(
+        matches=matches,
+        vertical_px=error,
+        vertical_95_px=float(np.percentile(errors, 95)),
+        bias_px=float(np.median(rows.vertical)),
+        behind=share_behind(rows),
+        verdict=verdict,
+        says=says,
+        fault=found.fault,
+        amount=found.amount,
+        map=cells,
+        points_left=points_left,
+        points_right=points_right,
+        vertical=rows.vertical,
+        size=size,
+    )
+
+
+def ideal_rig(pair: RectifiedPair) -> Rig:
+    """The rig whose raw pictures a rectified pair's would be, for `check_rig`."""
+    height, width = pair.left.shape[:2]
+    cameras = [
+        Camera(np.array([[pair.focal_px, 0, cx], [0, pair.focal_px, pair.cy], [0, 0, 1]]), np.zeros(5), (width, height))
+        for cx in (pair.cx_left, pair.cx_right)
+    ]
+    return Rig(cameras[0], cameras[1], np.eye(3), np.array([-pair.baseline, 0, 0]), unit=pair.unit)
+
+
+def refuse_bad(checked: RigCheck) -> None:
+    """Refuse a pair that is not worth matching with this rig.
+
+    Raises:
+        InputError: with what is wrong, and the way out.
+    """
+    if checked.verdict is Verdict.BAD:
+        raise InputError(checked.says)
+
+
+def _unknown(matches: int, used: int, size: tuple[int, int]) -> RigCheck:
+    """The check of a pair from which nothing can be concluded."""
+    nothing, none = np.zeros((0, 2)), float("nan")
+    return RigCheck(
+        matches=matches,
+        vertical_px=none,
+        vertical_95_px=none,
+        bias_px=none,
+        behind=none,
+        verdict=Verdict.UNKNOWN,
+        says=f"nothing can be said of the rig: of {matches} matched features {used} agree, {ENOUGH} and a quarter of"
+        " all are needed; take a pair with more texture that both cameras see",
+        fault=Fault.NONE,
+        amount=none,
+        map=map_errors(nothing, np.zeros(0), size),
+        points_left=nothing,
+        points_right=nothing,
+        vertical=np.zeros(0),
+        size=size,
+    )
+
+
+def _known(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
