@@ -1,0 +1,83 @@
+"""Fit parameters to residuals of which some are wrong: how large noise is comes out of the residuals themselves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from stereo_gpu.types import Doubles
+
+ROUNDS = 4  # noise and parameters in turn; the third changes little
+WITHIN = 3.0  # times the noise: an inlier
+MAD_TO_SIGMA = 1.4826  # of a normal distribution
+SMALLEST_NOISE = 1e-9  # so that exact points do not divide by zero
+
+Model = TypeVar("Model")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit:
+    """What was fitted.
+
+    Args:
+        parameters: (P,).
+        deviations: (P,) standard deviations of the parameters, from the noise and the slopes.
+        residuals: (N,) with these parameters.
+        noise: standard deviation of the residuals that are noise, in their unit.
+    """
+
+    parameters: Doubles
+    deviations: Doubles
+    residuals: Doubles
+    noise: float
+
+
+def fit_robustly(
+    residuals: Callable[[Doubles], Doubles], start: Doubles, noise: float, priors: Doubles | None = None
+) -> Fit:
+    """Least squares with Cauchy's loss, whose scale is the noise found in the round before.
+
+    Noise is told by the median of all residuals: of those that fit alone it would shrink from round to round,
+    until a few points count.
+
+    Args:
+        residuals: parameters (P,) to residuals (N,), the same N each time, most of them noise.
+        start: (P,).
+        noise: standard deviation of the residuals, a first guess.
+        priors: (P,) standard deviations by which parameters are known to be at `start`; infinite where they are free.
+    """
+    from scipy.optimize import least_squares
+
+    sure = np.zeros(len(start)) if priors is None else 1 / priors
+    held = sure > 0
+    parameters, off = start, residuals(start)
+    for _ in range(ROUNDS):
+
+        def weighed(trial: Doubles, scale: float = noise) -> Doubles:
+            # Cauchy's loss by hand, since what is known beforehand is not to be taken for an outlier.
+            off = residuals(trial) / scale
+            eased = np.copysign(np.sqrt(loss(off)), off)  # smooth at zero
+            known: Doubles = np.concatenate([eased, ((trial - start) * sure)[held]])
+            return known
+
+        found = least_squares(weighed, parameters, x_scale="jac")
+        parameters, off = found.x, residuals(found.x)
+        noise = max(SMALLEST_NOISE, MAD_TO_SIGMA * float(np.median(np.abs(off))))
+    covariance = np.linalg.pinv(found.jac.T @ found.jac)
+    deviations = np.sqrt(np.maximum(0, np.diag(covariance)))
+    return Fit(parameters=parameters, deviations=deviations, residuals=off, noise=noise)
+
+
+def loss(relative: Doubles) -> Doubles:
+    """(N,) Cauchy's loss of residuals over their noise."""
+    losses: Doubles = np.log1p(relative * relative)
+    return losses
+
+
+def best_of(fits: Sequence[tuple[Model, Fit]]) -> tuple[Model, Fit]:
+    """The model whose fit, to the same points, loses least where the smallest noise of all is taken for all."""
+    noise = min(fit.noise for _, fit in fits)
+    return min(fits, key=lambda each: float(loss(each[1].residuals / noise).sum()))
