@@ -1,0 +1,190 @@
+"""Two sources read in step: both grab before either decodes, and pictures are paired by their times.
+
+Grabbing is quick and decides when a picture was taken; decoding takes many times as long. So both grab at once, in a
+thread each; only when the two times belong together are both decoded. Where one source dropped pictures, or runs
+faster, the other passes over its own, not decoded, until its time is the nearest again.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Sequence
+from statistics import median
+
+from stereo_gpu.errors import InputError
+from stereo_gpu.recording.frames import StereoFrame
+from stereo_gpu.recording.source_thread import SourceThread
+from stereo_gpu.recording.sources import Opener
+from stereo_gpu.types import Picture
+
+STEPS_KEPT = 15  # times between pictures, whose median is the source's period
+STEPS_NEEDED = 5  # before that the source's own word counts
+DRAINED_SHARE = 0.3  # of a period: a grab that takes as long had to wait, so that no old picture was left
+MOST_OLD = 100  # pictures that any driver or socket keeps
+MOST_DAMAGED = 30  # pictures in turn that cannot be decoded, before that is the camera's fault rather than the cable's
+SETTINGS_EVERY_S = 1.0  # an automatic exposure goes on changing
+
+
+class StereoReader:
+    """Reads pairs from one source for each view, or from one that delivers both side by side.
+
+    Args:
+        openers: of the left and right source, or of the only one.
+        stall_s, patience_s, stop: as `SourceThread` takes them.
+
+    Attributes:
+        names: of the sources, for each view.
+        live: whether they go on by themselves.
+        settings: what each source runs with, as it told within the last second.
+        refused: which of the wanted settings each source did not take.
+        unmatched: pictures of each source that had no partner.
+        damaged: pairs of a live source that could not be decoded.
+        ended: why there is no further pair; empty before the end.
+
+    Raises:
+        InputError: a source cannot be opened.
+    """
+
+    def __init__(self, openers: Sequence[Opener], *, stall_s: float, patience_s: float, stop: threading.Event) -> None:
+        self._threads: list[SourceThread] = []
+        try:
+            for opener in openers:
+                self._threads.append(SourceThread(opener, stall_s=stall_s, patience_s=patience_s, stop=stop))
+        except BaseException:
+            self.close()
+            raise
+        count = len(self._threads)
+        self.names = tuple(self._threads[side % count].name for side in (0, 1))
+        self.live = self._threads[0].live
+        self.unmatched = [0] * count
+        self.damaged = 0
+        self.ended = ""
+        self._steps: list[deque[float]] = [deque(maxlen=STEPS_KEPT) for _ in self._threads]
+        self._times: list[float] = []
+        self._number = 0
+        self._damaged_in_turn = 0
+        self._told_s = -SETTINGS_EVERY_S
+        self.settings: tuple[dict[str, float], ...] = ()
+        self._read_settings()
+        self.refused = tuple(thread.source.refused for thread in self._threads)
+
+    def step(self) -> bool:
+        """Grab the next pair that belongs together; False at the end.
+
+        Raises:
+            InputError: a source has never given a picture.
+            CameraError: a source has failed and did not come back.
+            Stopped: the recording ends.
+        """
+        if not self._grab(range(len(self._threads))):
+            return False
+        while len(self._times) == 2:
+            older = int(self._times[1] < self._times[0])
+            lag = abs(self._times[1] - self._times[0])
+            if lag <= self.period_s(older) / 2:
+                break
+            self.unmatched[older] += 1
+            if not self._grab([older]):
+                return False
+        self._number += 1
+        return True
+
+    def decode(self) -> StereoFrame | None:
+        """The pair that was grabbed last, decoded in both threads at once; None if a camera sent a damaged picture.
+
+        Raises:
+            InputError: a file's picture cannot be decoded, or nothing that a camera sends, or both differ in size.
+            CameraError: a source hangs.
+            Stopped: the recording ends.
+        """
+        answers = [thread.retrieve() for thread in self._threads]
+        try:
+            pictures: list[Picture] = [
+                thread.result(answer) for thread, answer in zip(self._threads, answers, strict=True)
+            ]
+        except InputError:
+            self.damaged += 1
+            self._damaged_in_turn += 1
+            if not self.live or self._damaged_in_turn > MOST_DAMAGED:
+                raise
+            return None
+        self._damaged_in_turn = 0
+        if time.monotonic() - self._told_s > SETTINGS_EVERY_S:
+            self._read_settings()
+        if len(pictures) == 1:
+            pictures = self._halves(pictures[0])
+        sizes = [f"{picture.shape[1]} x {picture.shape[0]}" for picture in pictures]
+        if sizes[0] != sizes[1]:
+            raise InputError(
+                f"{self.names[0]} gives {sizes[0]}, {self.names[1]} gives {sizes[1]}: set both cameras to one size"
+            )
+        left_s, right_s = self._times[0], self._times[-1]
+        return StereoFrame(number=self._number, left=pictures[0], right=pictures[1], left_s=left_s, right_s=right_s)
+
+    @property
+    def time_s(self) -> float:
+        """When the pair that was grabbed last was complete, on the sources' clock."""
+        return max(self._times)
+
+    def period_s(self, side: int) -> float:
+        """Seconds between two pictures of a source: as they came, or as it says itself while few have come."""
+        steps = self._steps[side]
+        return median(steps) if len(steps) >= STEPS_NEEDED else self._threads[side].source.period_s
+
+    def close(self) -> None:
+        """Let the sources go."""
+        for thread in self._threads:
+            thread.close()
+
+    def _grab(self, sides: Sequence[int]) -> bool:
+        """Have these sources grab at once; False at the end of one."""
+        for side in sides:
+            self._threads[side].start_grab()
+        reopened = []
+        times: dict[int, float] = {}
+        for side in sides:
+            time_s, anew = self._threads[side].finish_grab()
+            if time_s is None:
+                self.ended = self._threads[side].source.ended or f"{self._threads[side].name} ended"
+                return False
+            times[side] = time_s
+            if anew:
+                reopened.append(side)
+        for side, time_s in times.items():
+            if len(self._times) == len(self._threads) and side not in reopened:
+                self._steps[side].append(time_s - self._times[side])
+        if len(self._times) < len(self._threads):
+            self._times = [times[side] for side in range(len(self._threads))]
+        for side, time_s in times.items():
+            self._times[side] = time_s
+        # While one was away, pictures of the other have piled up, and may be taken for fresh ones.
+        for side in {1 - side for side in reopened} if len(self._threads) == 2 else ():
+            self._drain(side)
+        return True
+
+    def _read_settings(self) -> None:
+        self.settings = tuple(thread.settings() for thread in self._threads)
+        self._told_s = time.monotonic()
+
+    def _drain(self, side: int) -> None:
+        """Pass over the pictures of a live source that were waiting."""
+        thread = self._threads[side]
+        for _ in range(MOST_OLD):
+            since = time.monotonic()
+            thread.start_grab()
+            time_s, _ = thread.finish_grab()
+            if time_s is None:
+                return
+            self._times[side] = time_s
+            if time.monotonic() - since > DRAINED_SHARE * self.period_s(side):
+                return
+
+    def _halves(self, both: Picture) -> list[Picture]:
+        width = both.shape[1]
+        if width % 2:
+            raise InputError(
+                f"{self.names[0]} gives pictures {width} px wide: two views side by side take an even number of px"
+            )
+        return [both[:, : width // 2], both[:, width // 2 :]]
