@@ -1,0 +1,1 @@
+"""The figures of the calibration report, a module each, drawn as SVG."""

@@ -1,0 +1,74 @@
+// Turns the scene that space.py drew: every part carries its points, and `data-view` says how it was looked at.
+(function () {
+  "use strict";
+  const scene = document.querySelector("svg.space");
+  if (!scene) return;
+  const [mx, my, mz, radius, yaw0, pitch0, eye, size] = scene.dataset.view.split(" ").map(Number);
+  const [, , width, height] = scene.getAttribute("viewBox").split(" ").map(Number);
+  const things = [...scene.children].map((element) => ({
+    element,
+    kind: element.dataset.kind,
+    layer: Number(element.dataset.layer),
+    points: element.dataset.points.split(" ").map((point) => {
+      const [x, y, z] = point.split(",").map(Number);
+      return [(x - mx) / radius, (y - my) / radius, (z - mz) / radius];
+    }),
+  }));
+  let yaw = yaw0;
+  let pitch = pitch0;
+  let zoom = 1;
+
+  const look = ([x, y, z]) => {
+    const across = x * Math.cos(yaw) + z * Math.sin(yaw);
+    const away = z * Math.cos(yaw) - x * Math.sin(yaw);
+    const down = y * Math.cos(pitch) - away * Math.sin(pitch);
+    const depth = away * Math.cos(pitch) + y * Math.sin(pitch);
+    const scale = (zoom * size) / (eye + depth);
+    return [width / 2 + scale * across, height / 2 + scale * down, depth];
+  };
+  const pair = ([x, y]) => x.toFixed(1) + " " + y.toFixed(1);
+  const draw = () => {
+    for (const thing of things) {
+      const seen = thing.points.map(look);
+      thing.depth = seen.reduce((sum, point) => sum + point[2], 0) / seen.length;
+      if (thing.kind === "words") {
+        thing.element.setAttribute("x", seen[0][0].toFixed(1));
+        thing.element.setAttribute("y", seen[0][1].toFixed(1));
+      } else if (thing.kind === "line") {
+        thing.element.setAttribute("d", seen.map((point, i) => (i % 2 ? "L" : "M") + pair(point)).join(""));
+      } else {
+        thing.element.setAttribute("d", "M" + seen.map(pair).join("L") + "z");
+      }
+    }
+    things.sort((a, b) => a.layer - b.layer || b.depth - a.depth);
+    scene.append(...things.map((thing) => thing.element));
+  };
+  const turn = (right, down) => {
+    yaw += right;
+    pitch = Math.max(-Math.PI / 2, Math.min(Math.PI / 2, pitch + down));
+    draw();
+  };
+
+  scene.addEventListener("pointerdown", (event) => {
+    if (event.button === 0) scene.setPointerCapture(event.pointerId);
+  });
+  scene.addEventListener("pointermove", (event) => {
+    if (scene.hasPointerCapture(event.pointerId)) turn(-event.movementX / 150, event.movementY / 150);
+  });
+  const keys = { ArrowLeft: [0.1, 0], ArrowRight: [-0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1] };
+  scene.addEventListener("keydown", (event) => {
+    if (!(event.key in keys)) return;
+    event.preventDefault();
+    turn(...keys[event.key]);
+  });
+  const bar = document.querySelector(".space-bar");
+  const views = { first: [yaw0, pitch0], above: [0, Math.PI / 2], side: [Math.PI / 2, 0], behind: [0, 0] };
+  bar.addEventListener("click", (event) => {
+    const { view, zoom: factor } = event.target.dataset;
+    if (view) [yaw, pitch, zoom] = [...views[view], 1];
+    else if (factor) zoom = Math.max(0.5, Math.min(8, zoom * Number(factor)));
+    else return;
+    draw();
+  });
+  bar.hidden = false;
+})();
