@@ -19,6 +19,8 @@ from stereo_gpu.pipeline import reconstruct, reconstruct_rectified
 from stereo_gpu.rectify import rectify
 from stereo_gpu.result import Reconstruction
 from stereo_gpu.rig import Camera, Rig
+from stereo_gpu.rig_files.load import load_rig
+from stereo_gpu.rig_files.save import save_rig
 from stereo_gpu.triangulate import triangulate
 from stereo_gpu.types import Disparity, Mesh, RectifiedPair, Surface, Validity, View
 
@@ -40,10 +42,12 @@ __all__ = [
     "calibrate",
     "check_rectified",
     "devices",
+    "load_rig",
     "match",
     "read_image",
     "reconstruct",
     "reconstruct_rectified",
     "rectify",
+    "save_rig",
     "triangulate",
 ]
