@@ -15,7 +15,13 @@ def add_pair(parser: argparse.ArgumentParser) -> None:
 
 def add_rig(parser: argparse.ArgumentParser) -> None:
     """A rig's file."""
-    parser.add_argument("--rig", type=Path, required=True, metavar="rig.json", help="what `calibrate` wrote")
+    parser.add_argument(
+        "--rig",
+        type=Path,
+        required=True,
+        metavar="rig.json",
+        help="what `calibrate` wrote, or a calibration file of OpenCV, ROS (the folder), Matlab, Middlebury or KITTI",
+    )
 
 
 def add_backend(parser: argparse.ArgumentParser) -> None:

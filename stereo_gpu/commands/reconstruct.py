@@ -37,9 +37,10 @@ def run(options: argparse.Namespace) -> None:
     from stereo_gpu.images import check_pair, read_image
     from stereo_gpu.pipeline import STAGES, reconstruct
     from stereo_gpu.rectify import check_sizes
-    from stereo_gpu.rig import Rig
+    from stereo_gpu.rig_files.load import load_rig_for
 
-    rig, left, right = Rig.load(options.rig), read_image(options.left), read_image(options.right)
+    left, right = read_image(options.left), read_image(options.right)
+    rig = load_rig_for(options.rig, left)
     check_pair(left, right)
     check_sizes(left, rig)
     mask = read_mask(options.mask, left.shape[:2])

@@ -23,9 +23,10 @@ def run(options: argparse.Namespace) -> None:
     from stereo_gpu.files import check_writable, whole_folder
     from stereo_gpu.images import read_image, write_png
     from stereo_gpu.rectify import rectify
-    from stereo_gpu.rig import Rig
+    from stereo_gpu.rig_files.load import load_rig_for
 
-    rig, left, right = Rig.load(options.rig), read_image(options.left), read_image(options.right)
+    left, right = read_image(options.left), read_image(options.right)
+    rig = load_rig_for(options.rig, left)
     check_writable(options.out)
     pair = rectify(left, right, rig, backend=options.backend)
     found = check_rectified(pair.left, pair.right, offset_px=pair.cx_left - pair.cx_right)
