@@ -69,7 +69,7 @@ def write_calibration_report(calibration: Calibration, path: str | os.PathLike[s
             )
         ),
         lenses="".join(_figure(f"{side.title()} lens", *draw_distortion(camera, side)) for side, camera, _ in both)
-        + _figure("Along the radius", radial, radial_told, css="wide"),
+        + _figure("Along the radius", radial, radial_told),
         space=space,
         space_told=escape(space_told),
         parameters=parameter_tables(calibration),
@@ -99,7 +99,6 @@ def _advice(advice: tuple[str, ...]) -> str:
     )
 
 
-def _figure(name: str, drawing: str, told: str, *, css: str = "", escaped: bool = False) -> str:
-    kind = f' class="{css}"' if css else ""
+def _figure(name: str, drawing: str, told: str, *, escaped: bool = False) -> str:
     words = told if escaped else escape(told)
-    return f"<figure{kind}>{drawing}<figcaption><b>{escape(name)}.</b> {words}</figcaption></figure>"
+    return f"<figure>{drawing}<figcaption><b>{escape(name)}.</b> {words}</figcaption></figure>"

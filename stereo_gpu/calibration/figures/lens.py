@@ -7,7 +7,7 @@ import base64
 import cv2
 import numpy as np
 
-from stereo_gpu.calibration.figures.residuals import Residuals, arrow_factor
+from stereo_gpu.calibration.figures.residuals import Residuals, arrow_factor, arrow_words
 from stereo_gpu.calibration.figures.svg import WIDTH, Frame, Plot, dots, needles, path, round_number, segments, words
 from stereo_gpu.rig import Camera
 from stereo_gpu.types import Doubles
@@ -42,7 +42,7 @@ def draw_distortion(camera: Camera, side: str) -> tuple[str, str]:
         label=f"Distortion of the {side} lens",
     )
     return drawing, (
-        f"Moved by up to {moved.max():.3g} px. Arrows {factor:g} times as long as they are; lines join places that"
+        f"Moved by up to {moved.max():.3g} px. Arrows are {arrow_words(factor)}; lines join places that"
         " are moved equally far, in px; the cross is the principal point."
     )
 
@@ -59,13 +59,11 @@ def draw_radial(cameras: tuple[Camera, Camera], residuals: tuple[Residuals, Resi
     low = min(0.0, *(float(off.min()) for _, off, _ in curves))
     high = max(0.0, *(float(off.max()) for _, off, _ in curves))
     step = round_number(max(high - low, 0.1) / 5)
-    plot = Plot(
-        x=(0, reach), y=(step * np.floor(low / step), step * np.ceil(high / step)), size=(2 * WIDTH, 0.6 * WIDTH)
-    )
+    plot = Plot(x=(0, reach), y=(step * np.floor(low / step), step * np.ceil(high / step)), size=(WIDTH, 0.75 * WIDTH))
     parts = plot.axes("distance from the principal point without a lens, px", "moved outwards, px")
     for number, side in enumerate(("left", "right")):
         camera, (radius, off, outermost) = cameras[number], curves[number]
-        parts.append(words(2 * WIDTH - 16, 26 + 15 * number, side, f"key-word {side}", anchor="end"))
+        parts.append(words(WIDTH - 16, 26 + 15 * number, side, f"key-word {side}", anchor="end"))
         held = radius <= outermost
         both = np.column_stack([radius, off])
         parts.append(path(plot.place(both[held]), f"curve {side}"))
@@ -175,7 +173,8 @@ def _level(grid: Doubles, values: Doubles, level: float) -> tuple[Doubles, Doubl
     """
     corners = [(slice(None, -1), slice(None, -1)), (slice(None, -1), slice(1, None)),
                (slice(1, None), slice(1, None)), (slice(1, None), slice(None, -1))]  # fmt: skip
-    starts, ends = [], []
+    starts: list[Doubles] = []
+    ends: list[Doubles] = []
     for triangle in ((0, 1, 2), (0, 2, 3)):
         places = np.stack([grid[corners[corner]].reshape(-1, 2) for corner in triangle], axis=1)
         heights = np.stack([values[corners[corner]].reshape(-1) for corner in triangle], axis=1)

@@ -126,7 +126,7 @@ def draw_field(residuals: Residuals, size: tuple[int, int], side: str) -> tuple[
         label=f"Mean residuals over the {side} picture",
     )
     return drawing, (
-        f"Arrows {factor:g} times as long as they are; the longest is {longest:.3f} px."
+        f"Arrows are {arrow_words(factor)}; the longest is {longest:.3f} px."
         f"{f' Grey dots: fewer than {FEWEST} corners.' if few.any() else ''}"
     )
 
@@ -139,6 +139,11 @@ def arrow_factor(longest: float, wanted: float) -> float:
     while factor * longest > 1.001 * wanted:
         factor = round_number(factor / 2)
     return factor
+
+
+def arrow_words(factor: float) -> str:
+    """How long arrows are drawn."""
+    return "drawn in true length" if factor == 1 else f"drawn {factor:g} times as long as they are"
 
 
 def scale_bar(frame: Frame, factor: float, css: str) -> list[str]:

@@ -13,11 +13,10 @@ from stereo_gpu.rig import Camera
 from stereo_gpu.types import Doubles
 
 MOST_BOARDS = 80
-SIZE = (840.0, 520.0)  # units
-YAW, PITCH = -0.62, 0.42  # rad: from the left, behind and above
+SIZE = (720.0, 540.0)  # units
+YAW, PITCH = -0.85, 0.34  # rad: from the right, behind and above
 EYE = 4.0  # distance of the eye in radii of the scene: near enough to tell front from back
-SIDES = ((YAW, PITCH), (0.0, np.pi / 2), (np.pi / 2, 0.0), (0.0, 0.0))  # what the buttons show: yaw and pitch
-FILL = 0.94  # of the drawing's width or height: what the scene takes from the side from which it is largest
+FILL = 0.93  # of the drawing's width or height: what the scene takes
 
 
 @dataclass(frozen=True)
@@ -46,12 +45,14 @@ class Stage:
     Args:
         middle: (3,), the point that it turns about.
         radius: of the ball about it that holds everything.
-        scale: units that the radius takes at the distance of 1 radius from the eye.
+        scale: units that the radius takes at a distance of 1 radius from the eye.
+        place: (2,), where in the drawing the middle is.
     """
 
     middle: Doubles
     radius: float
     scale: float
+    place: Doubles
 
 
 def draw_space(calibration: Calibration) -> tuple[str, str]:
@@ -66,9 +67,9 @@ def draw_space(calibration: Calibration) -> tuple[str, str]:
     every = np.concatenate([things[0].points, every])
     middle = (every.min(axis=0) + every.max(axis=0)) / 2
     radius = float(np.linalg.norm(every - middle, axis=1).max())
-    stage = Stage(middle, radius, _scale(every, middle, radius))
+    stage = _fit(every, middle, radius)
     drawn = "".join(_draw(thing, stage) for thing in _sorted(things, stage))
-    numbers = " ".join(f"{value:.6g}" for value in (*middle, radius, YAW, PITCH, EYE, stage.scale))
+    numbers = " ".join(f"{value:.6g}" for value in (*middle, radius, YAW, PITCH, EYE, FILL))
     told = (
         f"Drag to turn, or use the buttons. The floor's squares are {step:g} {rig.unit}; boards carry their view's"
         " number beside their first corner."
@@ -88,14 +89,15 @@ def look(points: Doubles, stage: Stage, yaw: float = YAW, pitch: float = PITCH) 
     x, z = x * np.cos(yaw) + z * np.sin(yaw), z * np.cos(yaw) - x * np.sin(yaw)
     y, z = y * np.cos(pitch) - z * np.sin(pitch), z * np.cos(pitch) + y * np.sin(pitch)
     scale = stage.scale / (EYE + z)
-    return np.column_stack([SIZE[0] / 2 + scale * x, SIZE[1] / 2 + scale * y, z])
+    return np.column_stack([stage.place[0] + scale * x, stage.place[1] + scale * y, z])
 
 
-def _scale(points: Doubles, middle: Doubles, radius: float) -> float:
-    """The largest scale at which the points stay inside the drawing from every side that a button shows."""
-    unit = Stage(middle, radius, 1.0)
-    off = np.concatenate([np.abs(look(points, unit, *side)[:, :2] - np.array(SIZE) / 2) for side in SIDES])
-    return float((FILL * np.array(SIZE) / 2 / off.max(axis=0)).min())
+def _fit(points: Doubles, middle: Doubles, radius: float) -> Stage:
+    """The stage on which the points fill the drawing, seen from where it is looked at first."""
+    seen = look(points, Stage(middle, radius, 1.0, np.zeros(2)))[:, :2]
+    low, high = seen.min(axis=0), seen.max(axis=0)
+    scale = float((FILL * np.array(SIZE) / (high - low)).min())
+    return Stage(middle, radius, scale, np.array(SIZE) / 2 - scale * (low + high) / 2)
 
 
 def _sorted(things: list[Thing], stage: Stage) -> list[Thing]:
@@ -171,10 +173,12 @@ def _cameras(calibration: Calibration, depth: float) -> list[Thing]:
         things += [
             Thing("line", f"spokes {name}", spokes),
             Thing("area", f"window {name}", window, f"{name} camera"),
-            Thing("words", f"name {name}", place + np.array([[0, -0.75 * length, 0]]) @ rotation, name, layer=2),
+            Thing(
+                "words", f"name {name}", place + np.array([[0, -0.6 * length, 1.1 * length]]) @ rotation, name, layer=2
+            ),
         ]
     things.append(Thing("line", "baseline", np.array([np.zeros(3), centre])))
-    below = np.array([[0.0, 0.5 * length, 0.0]])
+    below = np.array([[0.0, 0.35 * length, -0.5 * length]])
     things.append(Thing("words", "name", middle + below, f"{rig.baseline:.4g} {rig.unit}", layer=2))
     return things
 

@@ -38,14 +38,14 @@ def path(points: Doubles | Floats, css: str, *, close: bool = False) -> str:
 
 def segments(starts: Doubles | Floats, ends: Doubles | Floats, css: str) -> str:
     """Straight lines from starts to ends, (N, 2) each, as one path."""
-    both = _finite(np.hstack([starts, ends]))
+    both = _finite(np.asarray(np.hstack([starts, ends]), np.float64))
     steps = "".join(f"M{_number(a)} {_number(b)}L{_number(c)} {_number(d)}" for a, b, c, d in both)
     return f'<path class="{css}" d="{steps}"/>' if steps else ""
 
 
 def needles(starts: Doubles | Floats, ends: Doubles | Floats, css: str, *, thick: float = 2.2) -> str:
     """Arrows from starts to ends, (N, 2) each: thin triangles, broad where they start, and one path in all."""
-    both = _finite(np.hstack([starts, ends]))
+    both = _finite(np.asarray(np.hstack([starts, ends]), np.float64))
     along = both[:, 2:] - both[:, :2]
     lengths = np.linalg.norm(along, axis=1, keepdims=True)
     both, along, lengths = (part[lengths[:, 0] > 0.05] for part in (both, along, lengths))

@@ -3,7 +3,7 @@
   "use strict";
   const scene = document.querySelector("svg.space");
   if (!scene) return;
-  const [mx, my, mz, radius, yaw0, pitch0, eye, size] = scene.dataset.view.split(" ").map(Number);
+  const [mx, my, mz, radius, yaw0, pitch0, eye, fill] = scene.dataset.view.split(" ").map(Number);
   const [, , width, height] = scene.getAttribute("viewBox").split(" ").map(Number);
   const things = [...scene.children].map((element) => ({
     element,
@@ -16,15 +16,24 @@
   }));
   let yaw = yaw0;
   let pitch = pitch0;
-  let zoom = 1;
+  let scale = 1;
+  let place = [0, 0];
 
   const look = ([x, y, z]) => {
     const across = x * Math.cos(yaw) + z * Math.sin(yaw);
     const away = z * Math.cos(yaw) - x * Math.sin(yaw);
     const down = y * Math.cos(pitch) - away * Math.sin(pitch);
     const depth = away * Math.cos(pitch) + y * Math.sin(pitch);
-    const scale = (zoom * size) / (eye + depth);
-    return [width / 2 + scale * across, height / 2 + scale * down, depth];
+    const near = scale / (eye + depth);
+    return [place[0] + near * across, place[1] + near * down, depth];
+  };
+  // Lets the scene fill the drawing from where it is looked at now.
+  const fit = () => {
+    [scale, place] = [1, [0, 0]];
+    const seen = things.flatMap((thing) => thing.points.map(look));
+    const ends = [0, 1].map((axis) => seen.map((point) => point[axis])).map((v) => [Math.min(...v), Math.max(...v)]);
+    scale = fill * Math.min(...ends.map(([low, high], axis) => [width, height][axis] / (high - low)));
+    place = ends.map(([low, high], axis) => [width, height][axis] / 2 - (scale * (low + high)) / 2);
   };
   const pair = ([x, y]) => x.toFixed(1) + " " + y.toFixed(1);
   const draw = () => {
@@ -65,10 +74,15 @@
   const views = { first: [yaw0, pitch0], above: [0, Math.PI / 2], side: [Math.PI / 2, 0], behind: [0, 0] };
   bar.addEventListener("click", (event) => {
     const { view, zoom: factor } = event.target.dataset;
-    if (view) [yaw, pitch, zoom] = [...views[view], 1];
-    else if (factor) zoom = Math.max(0.5, Math.min(8, zoom * Number(factor)));
-    else return;
+    if (view) {
+      [yaw, pitch] = views[view];
+      fit();
+    } else if (factor) {
+      scale *= Number(factor);
+      place = place.map((at, axis) => [width, height][axis] / 2 + (at - [width, height][axis] / 2) * Number(factor));
+    } else return;
     draw();
   });
+  fit();
   bar.hidden = false;
 })();

@@ -11,6 +11,7 @@ import numpy as np
 from stereo_gpu.calibration.figures.residuals import (
     Residuals,
     arrow_factor,
+    arrow_words,
     pooled_residuals,
     scale_bar,
     view_residuals,
@@ -67,7 +68,7 @@ def draw_views(calibration: Calibration) -> tuple[str, str]:
     factor = arrow_factor(typical, TYPICAL * wide)
     told = (
         "Arrows lead from where the model puts a corner to where it was seen,"
-        f" {factor:g} times as long as they are unless a view says otherwise."
+        f" {arrow_words(factor)} unless a view says otherwise."
     )
     if len(shown) < len(calibration.views):
         told += (
@@ -114,7 +115,7 @@ def _card(calibration: Calibration, number: int, factor: float) -> str:
     told = ", ".join(f"{side} {one.rms:.3f} px" for side, one in zip(SIDES, found, strict=True) if one is not None)
     details = [told] if told else []
     if own != factor:
-        details.append(f"arrows {own:g} times as long as they are")
+        details.append(f"arrows {arrow_words(own)}")
     details += _pose(calibration, view)
     most = max((len(seen) for seen in view.seen if seen is not None), default=0)
     if most > MOST_CORNERS:
@@ -138,10 +139,9 @@ def _picture(
         return frame.drawing([middle], label=label + "no board found")
     parts = [_outline(frame, np.asarray(seen, np.float64).reshape(-1, 2))]
     if residuals is None:
-        kept = np.asarray(seen, np.float64).reshape(-1, 2)[thinned(len(seen), MOST_CORNERS)]
-        return frame.drawing(
-            [*parts, dots(frame.place(kept), f"root {css}")], label=label + "corners as they were seen"
-        )
+        corners = np.asarray(seen, np.float64).reshape(-1, 2)[thinned(len(seen), MOST_CORNERS)]
+        parts.append(dots(frame.place(corners), f"root {css}"))
+        return frame.drawing(parts, label=label + "corners as they were seen")
     kept = thinned(len(residuals.model), MOST_CORNERS)
     model, off = residuals.model[kept], residuals.off[kept]
     starts = frame.place(model)
