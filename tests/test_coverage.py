@@ -163,7 +163,8 @@ def test_what_is_missing_is_said_in_words():
     assert "no corner near the left edge of the picture" not in coverage.missing()
     assert not any("distance" in line for line in coverage.missing())
     assert "no corner near the bottom edge of the picture" in coverage.missing()
-    coverage.add(seen(x=0.7, y=0.7))
+    coverage.add(seen(x=0.77, y=0.75))
+    coverage.add(seen(x=0.8))
     assert coverage.missing() == [
         "no corner near the top right of the picture",
         "no corner near the bottom left of the picture",
