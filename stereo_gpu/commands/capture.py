@@ -3,21 +3,230 @@
 from __future__ import annotations
 
 import argparse
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from stereo_gpu.errors import InputError
+from stereo_gpu.progress import CLEAR_LINE
+
+if TYPE_CHECKING:
+    from stereo_gpu.capture import Recording
+    from stereo_gpu.recording.choosers import Chooser
+    from stereo_gpu.recording.pair_writer import Taken
+
+USUAL_INTERVAL_S = 2.0
+USUAL_COUNT = 15
+REDRAW_S = 0.1
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Say what the command takes."""
-    parser.add_argument("left", help="number, device path, or video file of the left camera")
-    parser.add_argument("right", help="the same of the right camera")
+    parser.add_argument("left", help="camera's number or device path, stream's URL, video file, or folder of pictures")
+    parser.add_argument("right", nargs="?", help="the same of the right camera; not with --side-by-side")
+    parser.add_argument("--side-by-side", action="store_true", help="the one source delivers both views side by side")
     parser.add_argument("--out", type=Path, required=True, help="folder for left0001.png, right0001.png, ...")
-    parser.add_argument("--count", type=int, default=15, help="how many pairs to take (%(default)s)")
-    parser.add_argument("--interval", type=float, default=2.0, help="seconds between pairs (%(default)s)")
+
+    mode = parser.add_mutually_exclusive_group()
+    mode.add_argument(
+        "--interval", type=float, metavar="S", help=f"seconds between pairs ({USUAL_INTERVAL_S:g}); the usual mode"
+    )
+    mode.add_argument("--every", action="store_true", help="take every pair")
+    mode.add_argument("--on-key", action="store_true", help="take a pair when Enter or space is pressed; q ends")
+    mode.add_argument("--board", metavar="10x7", help="watch for a board of so many squares, and take what is missing")
+    parser.add_argument("--square", type=float, metavar="MM", help="with --board: side of a square, mm")
+    parser.add_argument("--marker", type=float, metavar="MM", help="with --board: side of a ChArUco board's marker, mm")
+    parser.add_argument("--dictionary", metavar="5x5_250", help="with --marker: the markers' dictionary")
+    parser.add_argument("--page", metavar="[ADDRESS:]PORT", help="with --board: where its page is; by default local")
+    parser.add_argument("--no-page", action="store_true", help="with --board: serve no page")
+    parser.add_argument(
+        "--count", type=int, help=f"how many pairs ({USUAL_COUNT}; with --every, --on-key and --board no limit)"
+    )
+    parser.add_argument(
+        "--max-skew", type=float, metavar="MS", help="drop pairs whose pictures are further apart in time (16.7)"
+    )
+
+    camera = parser.add_argument_group("both cameras, where their drivers allow it")
+    camera.add_argument("--size", type=_size, metavar="1280x720", help="of the picture as the camera delivers it")
+    camera.add_argument("--fps", type=float, help="pictures a second; of folders, the rate at which they were taken")
+    camera.add_argument("--exposure", type=float, help="in the driver's units; turns automatic exposure off")
+    camera.add_argument("--gain", type=float, help="in the driver's units")
+    camera.add_argument("--focus", type=float, help="in the driver's units; turns automatic focus off")
+    camera.add_argument("--white-balance", type=float, metavar="K", help="kelvin; turns automatic white balance off")
+    camera.add_argument("--lock", action="store_true", help="turn all three automatics off, and keep what they found")
+    camera.add_argument("--fourcc", metavar="MJPG", help="pixel format; two cameras on one USB hub may need MJPG")
+    camera.add_argument(
+        "--patience", type=float, default=60.0, metavar="S", help="wait so long for a camera to return (%(default)g)"
+    )
 
 
 def run(options: argparse.Namespace) -> None:
     """Take pairs of pictures."""
-    from stereo_gpu.capture import capture
+    from stereo_gpu.capture import MAX_SKEW_MS, capture
+    from stereo_gpu.recording.settings import CameraSettings
 
-    for taken in capture(options.left, options.right, options.out, count=options.count, interval=options.interval):
-        print(f"pair {taken.number}: {taken.left.name}, {taken.right.name}, skew {taken.skew_ms:.1f} ms", flush=True)
+    _check(options)
+    open_ended = options.every or options.on_key or options.board is not None
+    count = options.count if options.count is not None or open_ended else USUAL_COUNT
+    settings = CameraSettings(
+        size=options.size,
+        fps=options.fps,
+        exposure=options.exposure,
+        gain=options.gain,
+        focus=options.focus,
+        white_balance=options.white_balance,
+        lock=options.lock,
+        fourcc=options.fourcc,
+    )
+    stop = threading.Event()
+    with ExitStack() as stack:
+        chooser, status = _chooser(options, stack)
+        lines = _Lines(count, each=not options.every, status=status)
+        stack.callback(lines.close)
+        # Innermost: what is on the way is written, and the terminal is set back, before the signal has its effect.
+        signals = stack.enter_context(_stopping_on_signals(stop))
+        recording = capture(
+            options.left,
+            options.right,
+            options.out,
+            chooser=chooser,
+            interval=0.0 if options.every else options.interval if options.interval is not None else USUAL_INTERVAL_S,
+            count=count,
+            max_skew_ms=MAX_SKEW_MS if options.max_skew is None else options.max_skew,
+            settings=settings,
+            patience_s=options.patience,
+            stop=stop,
+            on_pair=lines.pair,
+            on_status=lines.status,
+        )
+    _sum_up(recording, options)
+    if signals and (count is not None or signal.SIGTERM in signals):
+        # Where no count was asked for, Ctrl-C is the way to end.
+        raise KeyboardInterrupt
+
+
+def _check(options: argparse.Namespace) -> None:
+    """Refuse options that do not go together."""
+    if options.side_by_side == (options.right is not None):
+        raise InputError(
+            f"--side-by-side is for one source, {options.left} and {options.right} are two: leave one out"
+            if options.side_by_side
+            else f"{options.left} is one source: name the right camera too, or say --side-by-side"
+        )
+    for name, owner in (("square", "board"), ("marker", "board"), ("page", "board"), ("dictionary", "marker")):
+        if getattr(options, name) is not None and getattr(options, owner) is None:
+            raise InputError(f"--{name} {getattr(options, name)}: it is for --{owner}, which is not given")
+    if options.marker is not None and options.square is None:
+        raise InputError(f"--marker {options.marker:g}: give --square, too")
+
+
+def _chooser(options: argparse.Namespace, stack: ExitStack) -> tuple[Chooser | None, bool]:
+    """Who chooses the pairs, None for the interval; and whether its status is to be shown in a line."""
+    if options.on_key:
+        from stereo_gpu.recording.choosers import KeyChooser
+        from stereo_gpu.recording.keys import Keys
+
+        return KeyChooser(stack.enter_context(Keys())), True
+    if options.board is None:
+        return None, True
+    from stereo_gpu.calibration.board import Board
+    from stereo_gpu.calibration.charuco import CharucoBoard
+    from stereo_gpu.recording.board_watch import BoardChooser
+    from stereo_gpu.recording.live_page import LivePage, parse_address
+    from stereo_gpu.recording.terminal_map import TerminalMap
+
+    # Only its shape counts here; the unit is the calibration's concern.
+    board = Board.parse(options.board, 30.0 if options.square is None else options.square)
+    if options.marker is not None:
+        more = {} if options.dictionary is None else {"dictionary": options.dictionary}
+        board = CharucoBoard(board.columns, board.rows, board.square, options.marker, **more)
+    terminal = stack.enter_context(TerminalMap(sys.stderr))
+    shows = [terminal.show]
+    if not options.no_page:
+        host, port = parse_address(options.page) if options.page is not None else (None, None)
+        page = stack.enter_context(LivePage(board, **({} if host is None else {"host": host}), port=port))
+        for line in page.directions:
+            print(line, file=sys.stderr, flush=True)
+        shows.append(page.show)
+    # In a folder every picture may show another pose, so that nothing ever holds still.
+    still = not Path(options.left).is_dir()
+    return BoardChooser(board, still=still, shows=shows), False
+
+
+class _Lines:
+    """What the terminal shows while pairs are taken: a line for each, and one that is redrawn below."""
+
+    def __init__(self, count: int | None, each: bool, status: bool) -> None:
+        self._count = count
+        self._each = each
+        self._drawn = status and sys.stderr.isatty()
+        self._taken = 0
+        self._drawn_s = 0.0
+
+    def pair(self, pair: Taken) -> None:
+        """Tell of a pair."""
+        self._taken += 1
+        if self._each:
+            self._clear()
+            print(f"pair {pair.number}: {pair.left.name}, {pair.right.name}, skew {pair.skew_ms:.1f} ms", flush=True)
+
+    def status(self, text: str) -> None:
+        """Show what is waited for, some times a second."""
+        now = time.monotonic()
+        if self._drawn and now - self._drawn_s >= REDRAW_S:
+            self._drawn_s = now
+            of = "" if self._count is None else f" of {self._count}"
+            print(f"{CLEAR_LINE}{self._taken}{of} taken; {text}", end="", file=sys.stderr, flush=True)
+
+    def close(self) -> None:
+        """Leave the line empty."""
+        self._clear()
+
+    def _clear(self) -> None:
+        if self._drawn:
+            print(CLEAR_LINE, end="", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def _stopping_on_signals(stop: threading.Event) -> Iterator[list[int]]:
+    """Let the first signal to end set `stop`; a second one ends at once. Gives the signals that came."""
+    came: list[int] = []
+
+    def handle(number: int, _: Any) -> None:
+        came.append(number)
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set()
+
+    wanted = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    before = {number: signal.signal(number, handle) for number in wanted}
+    try:
+        yield came
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _sum_up(recording: Recording, options: argparse.Namespace) -> None:
+    print(f"{recording.folder}: {recording}")
+    print(f"ended: {recording.ended}")
+    if options.every and recording.passed_over:
+        print(
+            f"lost: {recording.passed_over} pairs, since the disk or the processor was too slow; lower --fps or --size"
+        )
+    if recording.dropped > recording.taken:
+        print(
+            "most pairs were dropped: set both cameras to one --fps, or raise --max-skew if nothing moves before them"
+        )
+
+
+def _size(text: str) -> tuple[int, int]:
+    width, _, height = text.lower().partition("x")
+    if not (width.isdecimal() and height.isdecimal() and len(text) < 12):
+        raise argparse.ArgumentTypeError(f"{text!r:.40}: give width x height in px, such as 1280x720")
+    return int(width), int(height)

@@ -11,6 +11,7 @@ from typing import Protocol
 
 from stereo_gpu.errors import InputError
 from stereo_gpu.recording.frames import StereoFrame
+from stereo_gpu.recording.keys import Keys
 
 
 class Chooser(Protocol):
@@ -65,3 +66,24 @@ class IntervalChooser:
     def status(self) -> str:
         """How long until the next pair."""
         return f"next pair in {max(0.0, self._left_s):.1f} s" if self._interval else "every pair is taken"
+
+
+class KeyChooser:
+    """Takes the pair that comes next after each press of a key."""
+
+    def __init__(self, keys: Keys) -> None:
+        self._keys = keys
+
+    def choose(self, frame: StereoFrame) -> bool:
+        """Whether a key was pressed."""
+        return self._keys.take()
+
+    @property
+    def done(self) -> bool:
+        """Whether no more presses will come."""
+        return self._keys.ended
+
+    @property
+    def status(self) -> str:
+        """What to press."""
+        return "press Enter or space to take a pair, q to end"

@@ -21,17 +21,15 @@ class Feed:
 
     Args:
         reader: is read to its end, until it fails, or until `stop` is set; then it is closed.
-        warm_up_s: so long the pictures of a live source are passed over at first, since its exposure is settling.
         stop: ends it.
 
     Attributes:
         passed_over: pairs for which there was no room.
     """
 
-    def __init__(self, reader: StereoReader, *, warm_up_s: float, stop: threading.Event) -> None:
+    def __init__(self, reader: StereoReader, *, stop: threading.Event) -> None:
         self.reader = reader
         self.passed_over = 0
-        self._warm_up_s = warm_up_s if reader.live else 0.0
         self._stop = stop
         self._ready: deque[StereoFrame] = deque()
         self._changed = threading.Condition()
@@ -84,7 +82,7 @@ class Feed:
         settled_s: float | None = None
         while not self._stop.is_set() and self.reader.step():
             if settled_s is None:
-                settled_s = self.reader.time_s + self._warm_up_s
+                settled_s = self.reader.time_s + self.reader.warm_up_s
             if self.reader.time_s < settled_s:
                 continue
             if not self._room():

@@ -24,6 +24,7 @@ class Source(Protocol):
     name: str
     live: bool  # goes on whether or not it is read, and may come back after it has failed
     period_s: float  # between two pictures, as it says itself
+    warm_up_s: float  # so long its exposure is settling at first
 
     def grab(self) -> float | None:
         """Take the next picture without decoding it; its time in seconds, or None where there is none."""

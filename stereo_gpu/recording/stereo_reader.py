@@ -37,6 +37,7 @@ class StereoReader:
     Attributes:
         names: of the sources, for each view.
         live: whether they go on by themselves.
+        warm_up_s: how long their exposure is still settling.
         settings: what each source runs with, as it told within the last second.
         refused: which of the wanted settings each source did not take.
         unmatched: pictures of each source that had no partner.
@@ -58,6 +59,7 @@ class StereoReader:
         count = len(self._threads)
         self.names = tuple(self._threads[side % count].name for side in (0, 1))
         self.live = self._threads[0].live
+        self.warm_up_s = max(thread.source.warm_up_s for thread in self._threads)
         self.unmatched = [0] * count
         self.damaged = 0
         self.ended = ""

@@ -19,6 +19,7 @@ URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+://")
 USUAL_PERIOD_S = 1 / 30  # where a source does not say
 NETWORK_LIMIT_MS = 4000  # OpenCV itself would wait 30 s for a stream that says nothing
 LATEST_STAMP_S = 2.0  # a driver's time stamp that is older is of another clock
+WARM_UP_S = 1.0  # a camera's automatic exposure takes about as long
 CUT_SHARE = 0.01  # of the pictures that a file says it has: more missing, and it is cut off
 
 
@@ -47,6 +48,7 @@ class VideoSource:
         self.name = name
         self.live = is_live(name)
         self._camera = self.live and not URL.match(name)
+        self.warm_up_s = WARM_UP_S if self._camera else 0.0
         self._capture = _open(name, self._camera)
         if not self._capture.isOpened():
             self._capture.release()
