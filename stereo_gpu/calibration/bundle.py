@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -66,6 +67,11 @@ class Corners:
     view: Ints
     points: Doubles
     seen: Doubles
+
+    def only(self, views: Sequence[int]) -> Corners:
+        """Those of these views alone, given in rising order, which are numbered anew."""
+        kept = np.isin(self.view, views)
+        return Corners(np.searchsorted(views, self.view[kept]).astype(np.int32), self.points[kept], self.seen[kept])
 
     @classmethod
     def of(cls, views: Sequence[BoardView], board: Board) -> Corners:
@@ -151,7 +157,7 @@ def linearise(bundle: Bundle, corners: tuple[Corners, Corners]) -> Normal:
         off = pixels - ours.seen
         normal.squares += float((off**2).sum())
         ends = np.searchsorted(ours.view, np.arange(views + 1))
-        for view, (first, last) in enumerate(zip(ends, ends[1:], strict=False)):
+        for view, (first, last) in enumerate(pairwise(ends)):
             shared, pose = by_shared[first:last].reshape(-1, size), by_pose[first:last].reshape(-1, POSE)
             rest = off[first:last].reshape(-1)
             normal.shared[view] += shared.T @ shared

@@ -8,7 +8,7 @@ the right orders do all views agree on one R and T. A board whose markers name i
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -51,13 +51,39 @@ class Agreement:
     errors_px: Doubles
 
 
-def pair_corners(
-    left: Sequence[LensView], right: Sequence[LensView], board: Board, matrix: Doubles, distortion: Doubles
-) -> Agreement:
-    """Give the right corners of every view the ids of the left ones.
+@dataclass(frozen=True, kw_only=True)
+class Proposals:
+    """Every R and T that a single view proposes, and how all views take it.
 
-    Every view, with every order that the board's symmetry allows, proposes an R and T; the proposal with the
-    lowest median error over all views wins, so that up to half of them may be wrong.
+    Args:
+        view: (proposals,) which view made it.
+        R, T: (proposals, 3, 3) and (proposals, 3).
+        candidates: of every view, what the right camera saw, with the ids of each order.
+        errors_px: (proposals, views, orders) rms distance between right corners and the left board carried over.
+    """
+
+    view: NDArray[np.intp]
+    R: Doubles
+    T: Doubles
+    candidates: list[list[BoardView]]
+    errors_px: Doubles
+
+    def agreement(self) -> Agreement:
+        """The proposal with the lowest median error over all views, so that up to half of them may be wrong."""
+        best = int(np.median(self.errors_px.min(axis=2), axis=1).argmin())
+        errors = self.errors_px[best]
+        return Agreement(
+            right=[several[order] for several, order in zip(self.candidates, errors.argmin(axis=1), strict=True)],
+            R=self.R[best],
+            T=self.T[best],
+            errors_px=errors.min(axis=1),
+        )
+
+
+def propose(
+    left: Sequence[LensView], right: Sequence[LensView], board: Board, matrix: Doubles, distortion: Doubles
+) -> Proposals:
+    """Let every view, with every order that the board's symmetry allows, propose an R and T.
 
     Args:
         left, right: the same views, seen by either camera, with corners in common.
@@ -67,28 +93,33 @@ def pair_corners(
     points = board.points.astype(np.float64)
     orders = _orders(board)
     candidates = [[_renamed(view.seen, order) for order in orders] for view in right]
-    best: tuple[float, Doubles, Doubles, Doubles] | None = None
+    views, rotations, translations, errors = [], [], [], []
     for number in np.unique(np.linspace(0, len(left) - 1, MOST_HYPOTHESES).astype(int)):
         for order in orders:
             rotation, translation = _relative(left[number], right[number], points, order, board)
-            errors = np.array(
+            views.append(number)
+            rotations.append(rotation)
+            translations.append(translation)
+            errors.append(
                 [
                     [_error(view, seen, points, rotation, translation, matrix, distortion) for seen in several]
                     for view, several in zip(left, candidates, strict=True)
                 ]
             )
-            score = float(np.median(errors.min(axis=1)))
-            if best is None or score < best[0]:
-                best = score, rotation, translation, errors
-    assert best is not None  # there is at least one view
-    _, rotation, translation, errors = best
-    chosen = errors.argmin(axis=1)
-    return Agreement(
-        right=[several[order] for several, order in zip(candidates, chosen, strict=True)],
-        R=rotation,
-        T=translation,
-        errors_px=errors.min(axis=1),
+    return Proposals(
+        view=np.array(views),
+        R=np.stack(rotations),
+        T=np.stack(translations),
+        candidates=candidates,
+        errors_px=np.array(errors),
     )
+
+
+def pair_corners(
+    left: Sequence[LensView], right: Sequence[LensView], board: Board, matrix: Doubles, distortion: Doubles
+) -> Agreement:
+    """Give the right corners of every view the ids of the left ones; arguments as of `propose`."""
+    return propose(left, right, board, matrix, distortion).agreement()
 
 
 def _orders(board: Board) -> list[NDArray[np.intp]]:
@@ -102,7 +133,7 @@ def _renamed(seen: BoardView, order: NDArray[np.intp]) -> BoardView:
     """The same corners with the ids that they have if the board's are listed in `order`."""
     ids = np.argsort(order)[seen.ids].astype(np.int32)
     rising = np.argsort(ids)
-    return BoardView(seen.corners[rising], ids[rising])
+    return replace(seen, corners=seen.corners[rising], ids=ids[rising])
 
 
 def _relative(
