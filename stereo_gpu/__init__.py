@@ -10,15 +10,22 @@ Conventions stand in `stereo_gpu.types`, errors in `stereo_gpu.errors`.
 from stereo_gpu.backends import DeviceStatus, devices
 from stereo_gpu.calibrate import calibrate
 from stereo_gpu.calibration.board import Board
+from stereo_gpu.calibration.board_print import PrintedBoard, print_board
+from stereo_gpu.calibration.charuco import CharucoBoard
 from stereo_gpu.check import PairCheck, check_rectified
 from stereo_gpu.config import MeshOptions
+from stereo_gpu.epipolar.eight_point import eight_point
+from stereo_gpu.epipolar.features import match_features
+from stereo_gpu.epipolar.pose import estimate_pose
 from stereo_gpu.errors import StereoError
 from stereo_gpu.images import read_image
 from stereo_gpu.match import match
 from stereo_gpu.pipeline import reconstruct, reconstruct_rectified
 from stereo_gpu.rectify import rectify
+from stereo_gpu.refine_rig import Refinement, refine_rig
 from stereo_gpu.result import Reconstruction
 from stereo_gpu.rig import Camera, Rig
+from stereo_gpu.rig_check import RigCheck, check_rig
 from stereo_gpu.rig_files.load import load_rig
 from stereo_gpu.rig_files.save import save_rig
 from stereo_gpu.triangulate import triangulate
@@ -27,27 +34,37 @@ from stereo_gpu.types import Disparity, Mesh, RectifiedPair, Surface, Validity, 
 __all__ = [
     "Board",
     "Camera",
+    "CharucoBoard",
     "DeviceStatus",
     "Disparity",
     "Mesh",
     "MeshOptions",
     "PairCheck",
+    "PrintedBoard",
     "Reconstruction",
     "RectifiedPair",
+    "Refinement",
     "Rig",
+    "RigCheck",
     "StereoError",
     "Surface",
     "Validity",
     "View",
     "calibrate",
     "check_rectified",
+    "check_rig",
     "devices",
+    "eight_point",
+    "estimate_pose",
     "load_rig",
     "match",
+    "match_features",
+    "print_board",
     "read_image",
     "reconstruct",
     "reconstruct_rectified",
     "rectify",
+    "refine_rig",
     "save_rig",
     "triangulate",
 ]

@@ -48,7 +48,8 @@ def fit_fundamental(points_left: Doubles, points_right: Doubles) -> Doubles:
 def nearest_of_rank_2(matrix: Doubles) -> Doubles:
     """`matrix` with its smallest singular value set to 0."""
     left, values, right = np.linalg.svd(matrix)
-    return (left * np.array([values[0], values[1], 0.0])) @ right
+    nearest: Doubles = (left * np.array([values[0], values[1], 0.0])) @ right
+    return nearest
 
 
 def with_unit_norm(F: Doubles) -> Doubles:

@@ -15,7 +15,7 @@ RATIO = 0.75  # of the best to the second best descriptor distance; Lowe 2004, s
 
 
 def match_features(left: Picture, right: Picture) -> tuple[Doubles, Doubles]:
-    """Match SIFT features (Lowe 2004) by ratio and cross check; about one match in ten is wrong.
+    """Match SIFT features (Lowe 2004) by ratio and cross check; a tenth to a third of the matches are wrong.
 
     Args:
         left, right: (H, W) or (H, W, 3), uint8 or uint16; they may differ in size.

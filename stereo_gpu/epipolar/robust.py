@@ -27,16 +27,21 @@ class Fit:
         deviations: (P,) standard deviations of the parameters, from the noise and the slopes.
         residuals: (N,) with these parameters.
         noise: standard deviation of the residuals that are noise, in their unit.
+        surprise: sum of squares of how far the parameters are from what was expected, in its deviations.
     """
 
     parameters: Doubles
     deviations: Doubles
     residuals: Doubles
     noise: float
+    surprise: float = 0.0
 
 
 def fit_robustly(
-    residuals: Callable[[Doubles], Doubles], start: Doubles, noise: float, priors: Doubles | None = None
+    residuals: Callable[[Doubles], Doubles],
+    start: Doubles,
+    noise: float,
+    expected: tuple[Doubles, Doubles] | None = None,
 ) -> Fit:
     """Least squares with Cauchy's loss, whose scale is the noise found in the round before.
 
@@ -47,12 +52,13 @@ def fit_robustly(
         residuals: parameters (P,) to residuals (N,), the same N each time, most of them noise.
         start: (P,).
         noise: standard deviation of the residuals, a first guess.
-        priors: (P,) standard deviations by which parameters are known to be at `start`; infinite where they are free.
+        expected: (P,) what the parameters are likely to be, and (P,) by which standard deviation.
     """
     from scipy.optimize import least_squares
 
-    sure = np.zeros(len(start)) if priors is None else 1 / priors
-    held = sure > 0
+    def surprises(trial: Doubles) -> Doubles:
+        return np.zeros(0) if expected is None else (trial - expected[0]) / expected[1]
+
     parameters, off = start, residuals(start)
     for _ in range(ROUNDS):
 
@@ -60,7 +66,7 @@ def fit_robustly(
             # Cauchy's loss by hand, since what is known beforehand is not to be taken for an outlier.
             off = residuals(trial) / scale
             eased = np.copysign(np.sqrt(loss(off)), off)  # smooth at zero
-            known: Doubles = np.concatenate([eased, ((trial - start) * sure)[held]])
+            known: Doubles = np.concatenate([eased, surprises(trial)])
             return known
 
         found = least_squares(weighed, parameters, x_scale="jac")
@@ -68,7 +74,8 @@ def fit_robustly(
         noise = max(SMALLEST_NOISE, MAD_TO_SIGMA * float(np.median(np.abs(off))))
     covariance = np.linalg.pinv(found.jac.T @ found.jac)
     deviations = np.sqrt(np.maximum(0, np.diag(covariance)))
-    return Fit(parameters=parameters, deviations=deviations, residuals=off, noise=noise)
+    surprise = float((surprises(parameters) ** 2).sum())
+    return Fit(parameters=parameters, deviations=deviations, residuals=off, noise=noise, surprise=surprise)
 
 
 def loss(relative: Doubles) -> Doubles:
@@ -80,4 +87,4 @@ def loss(relative: Doubles) -> Doubles:
 def best_of(fits: Sequence[tuple[Model, Fit]]) -> tuple[Model, Fit]:
     """The model whose fit, to the same points, loses least where the smallest noise of all is taken for all."""
     noise = min(fit.noise for _, fit in fits)
-    return min(fits, key=lambda each: float(loss(each[1].residuals / noise).sum()))
+    return min(fits, key=lambda each: float(loss(each[1].residuals / noise).sum()) + each[1].surprise)
