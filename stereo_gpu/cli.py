@@ -11,11 +11,24 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import NoReturn
 
-from stereo_gpu.commands import bench, calibrate, capture, convert, demo, devices, doctor, match, reconstruct, rectify
+from stereo_gpu.commands import (
+    bench,
+    board,
+    calibrate,
+    capture,
+    check,
+    convert,
+    demo,
+    devices,
+    doctor,
+    match,
+    reconstruct,
+    rectify,
+)
 from stereo_gpu.errors import InputError, StereoError
 from stereo_gpu.progress import CLEAR_LINE
 
-COMMANDS = (demo, capture, calibrate, convert, rectify, match, reconstruct, devices, doctor, bench)
+COMMANDS = (demo, board, capture, calibrate, check, convert, rectify, match, reconstruct, devices, doctor, bench)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stereo_gpu.calibration.checkerboard import FEWEST_SQUARES, find_checkerboard, survey_checkerboard
+from stereo_gpu.calibration.checkerboard import FEWEST_SQUARES, find_checkerboard, shrunk, survey_checkerboard
+from stereo_gpu.calibration.hints import Hint
+from stereo_gpu.calibration.marker_hints import hint_unexpected_markers
 from stereo_gpu.errors import InputError
+from stereo_gpu.images import grey
 from stereo_gpu.types import Floats, Ints, Picture
 
 MOST_SQUARES = 200
@@ -22,10 +25,12 @@ class BoardView:
     Args:
         corners: (n, 2) float32 px, where the inner corners are.
         ids: (n,) int32, which of `board.points` each is, in rising order; a checkerboard always gives all.
+        legacy: whether markers stand as OpenCV before 4.6 drew them where the number of rows is even.
     """
 
     corners: Floats
     ids: Ints
+    legacy: bool = False
 
     @classmethod
     def whole(cls, corners: Floats) -> BoardView:
@@ -35,7 +40,7 @@ class BoardView:
     def only(self, ids: Ints) -> BoardView:
         """The part with these ids, all of which must be in view."""
         at = np.searchsorted(self.ids, ids)
-        return BoardView(self.corners[at], self.ids[at])
+        return replace(self, corners=self.corners[at], ids=self.ids[at])
 
 
 def in_both(left: BoardView, right: BoardView) -> tuple[BoardView, BoardView]:
@@ -125,22 +130,24 @@ class Board:
         corners = find_checkerboard(picture, self.corners)
         return None if corners is None else BoardView.whole(corners)
 
-    def hint(self, picture: Picture, view: BoardView | None) -> str:
-        """Say in words which other board the picture shows, and what to do; "" where it seems to be this one.
+    def hint(self, picture: Picture, view: BoardView | None) -> Hint | None:
+        """Say which other board the picture shows, and what to do; None where it seems to be this one.
 
         Args:
             picture: any picture.
             view: what `find` found in it.
         """
         size = survey_checkerboard(picture)
-        if size is None:
-            return ""
         given = max(self.columns, self.rows), min(self.columns, self.rows)
         # The finder finds a part of a board, too, but not the same part in both cameras.
-        part = size[0] >= given[0] and size[1] >= given[1]
-        if size == given or (view is not None and not part):
-            return ""
-        return f"found {size[0] - 1}x{size[1] - 1} inner corners = {size[0]}x{size[1]} squares: say {size[0]}x{size[1]}"
+        if view is not None and (size is None or size[0] < given[0] or size[1] < given[1]):
+            return None
+        if view is None and (marked := hint_unexpected_markers(shrunk(grey(picture)))) is not None:
+            return marked
+        if size is None or size == given:
+            return None
+        told = f"{size[0]}x{size[1]}"
+        return Hint(told, f"found {size[0] - 1}x{size[1] - 1} inner corners = {told} squares: say {told}")
 
 
 def parse_squares(text: str) -> tuple[int, int]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import os
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from stereo_gpu.calibration.board import Board, BoardView, in_both
+from stereo_gpu.calibration.hints import Hint, common_hint
 from stereo_gpu.errors import CalibrationError, InputError, PictureError
 from stereo_gpu.images import check_picture, read_image
 from stereo_gpu.types import Picture
@@ -70,7 +70,7 @@ def find_pairs(
         raise CalibrationError(f"{count} pairs: a calibration needs {FEWEST_PAIRS} or more, better 15")
     first = np.unique(np.linspace(0, count - 1, SURVEYED_PAIRS).astype(int)).tolist()
     sizes: list[tuple[int, int]] = []
-    hints: Counter[str] = Counter()
+    hints: list[Hint | None] = []
     pairs: dict[int, BoardPair] = {}
     for number in [*first, *(other for other in range(count) if other not in first)]:
         pair = pairs[number] = BoardPair((sources[0][number][0], sources[1][number][0]))
@@ -88,7 +88,7 @@ def find_pairs(
             view = board.find(picture)
             pair.views.append(view)
             if number in first:
-                hints[board.hint(picture, view)] += 1
+                hints.append(board.hint(picture, view))
             if progress is not None:
                 progress(2 * len(pairs) - 1 + side, 2 * count)
         _leave_out_blank(pair)
@@ -126,11 +126,10 @@ def _leave_out_blank(pair: BoardPair) -> None:
         pair.drop(f"left and right see {common} corners of the board in common, {FEWEST_IN_BOTH} are needed")
 
 
-def _refuse_other_board(hints: Counter[str], board: Board) -> None:
+def _refuse_other_board(hints: list[Hint | None], board: Board) -> None:
     """Stop early if the pictures show another board, of which this one may be a part."""
-    [(hint, often)] = hints.most_common(1)
-    # A chance find in a few pictures is no reason to doubt what was given.
-    if hint and 2 * often >= hints.total():
+    hint = common_hint(hints)
+    if hint:
         raise CalibrationError(f"looked for a board of {board.described}, {hint}")
 
 

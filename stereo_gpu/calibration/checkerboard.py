@@ -60,10 +60,35 @@ def survey_checkerboard(picture: Picture) -> tuple[int, int] | None:
     if _too_thin(flat, FEWEST_SQUARES) or largest_grid(flat, least) < least:
         return None
     # Starting from 3 x 3 corners, the finder grows the board as far as it goes and says how far that was.
-    found, _, meta = cv2.findChessboardCornersSBWithMeta(_shrunk(flat), (3, 3), flags)
+    found, _, meta = cv2.findChessboardCornersSBWithMeta(shrunk(flat), (3, 3), flags)
     if not found or meta is None:
         return None
     return max(meta.shape[:2]) + 1, min(meta.shape[:2]) + 1
+
+
+def place_corners(flat: Bytes, corners: Floats, reach: float) -> Floats:
+    """Where the edges meet, (n, 2) px, to a few hundredths of a pixel.
+
+    The sector-based finder's own positions are kept as the start only: on real boards this step took the
+    reprojection error from 0.26 to 0.20 px.
+
+    Args:
+        flat: (H, W).
+        corners: (n, 2) px, where to begin.
+        reach: px around them in which there is nothing but their own edges.
+    """
+    half = int(np.clip(round(reach), 2, LARGEST_WINDOW))
+    stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-4)
+    placed = cv2.cornerSubPix(flat, corners.reshape(-1, 1, 2).astype(np.float32), (half, half), (-1, -1), stop)
+    result: Floats = placed.reshape(-1, 2)
+    return result
+
+
+def shrunk(flat: Bytes, side: int = WORKING_SIDE) -> Bytes:
+    """The picture, or a copy whose longer side has so many px where its own has more."""
+    scale = side / max(flat.shape)
+    small: Bytes = cv2.resize(flat, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1 else flat
+    return small
 
 
 def _too_thin(flat: Bytes, squares: int) -> bool:
@@ -71,20 +96,14 @@ def _too_thin(flat: Bytes, squares: int) -> bool:
     return bool(min(flat.shape) * min(1.0, WORKING_SIDE / max(flat.shape)) < SMALLEST_SQUARE * squares)
 
 
-def _shrunk(flat: Bytes, side: int = WORKING_SIDE) -> Bytes:
-    scale = side / max(flat.shape)
-    small: Bytes = cv2.resize(flat, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1 else flat
-    return small
-
-
 def _copies(flat: Bytes, needed: int) -> Iterator[Bytes]:
     """Where to look, the likeliest first; another size only where it shows as many crossings as needed."""
-    small = _shrunk(flat)
+    small = shrunk(flat)
     yield small
     yield cv2.createCLAHE(clipLimit=3.0, tileGridSize=(4, 4)).apply(small)
     other = None
     if small is not flat:
-        other = _shrunk(flat, 2 * WORKING_SIDE)
+        other = shrunk(flat, 2 * WORKING_SIDE)
     elif 2 * max(flat.shape) <= WORKING_SIDE:
         other = cv2.resize(flat, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
     if other is not None and grid_at_size(other) >= needed:
@@ -115,16 +134,7 @@ def _clockwise(corners: Floats, size: tuple[int, int]) -> Floats:
 
 
 def _refine(flat: Bytes, corners: Floats, size: tuple[int, int]) -> Floats:
-    """Where the edges meet, to a few hundredths of a pixel.
-
-    The sector-based finder's own positions are kept as the start only: on real boards this step took the
-    reprojection error from 0.26 to 0.20 px.
-    """
     columns, rows = size
     grid = corners.reshape(rows, columns, 2)
     shortest = min(float(np.linalg.norm(np.diff(grid, axis=axis), axis=-1).min()) for axis in (0, 1))
-    half = int(np.clip(round(REFINEMENT_WINDOW * shortest), 2, LARGEST_WINDOW))
-    stop = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 100, 1e-4)
-    refined = cv2.cornerSubPix(flat, corners.reshape(-1, 1, 2).copy(), (half, half), (-1, -1), stop)
-    result: Floats = refined.reshape(-1, 2)
-    return result
+    return place_corners(flat, corners, REFINEMENT_WINDOW * shortest)

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from stereo_gpu.types import Bytes, Doubles, Floats
 
@@ -81,6 +78,10 @@ def _crossings(flat: Bytes) -> tuple[Doubles, Doubles]:
 
 def _group(places: Doubles, directions: Doubles) -> int:
     """How many crossings hang together around those that have such pairs along two lines."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
     count = len(places)
     if count < 3:
         return 0

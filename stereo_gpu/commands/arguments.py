@@ -5,6 +5,12 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+from stereo_gpu.errors import InputError
+
+if TYPE_CHECKING:
+    from stereo_gpu.calibration.board import Board
 
 
 def add_pair(parser: argparse.ArgumentParser) -> None:
@@ -22,6 +28,40 @@ def add_rig(parser: argparse.ArgumentParser) -> None:
         metavar="rig.json",
         help="what `calibrate` wrote, or a calibration file of OpenCV, ROS (the folder), Matlab, Middlebury or KITTI",
     )
+
+
+def add_board(parser: argparse.ArgumentParser, *, required: bool = True) -> None:
+    """A checkerboard or a ChArUco board; `read_board` makes it of the options.
+
+    Args:
+        parser: of the command.
+        required: whether it must be named, with the side of its squares.
+    """
+    parser.add_argument("--board", required=required, metavar="10x7", help="squares of the board, columns x rows")
+    parser.add_argument("--square", type=float, required=required, metavar="MM", help="side of a square, mm")
+    parser.add_argument("--marker", type=float, metavar="MM", help="side of a marker, mm, if it is a ChArUco board")
+    parser.add_argument("--dictionary", metavar="NAME", help="of the markers, such as 4x4_50 (5x5_250)")
+
+
+def read_board(options: argparse.Namespace) -> Board:
+    """The board that the options name; where they need not give its squares, these have a side of 1.
+
+    Raises:
+        InputError: there is no such board, or options for markers stand without their sides.
+    """
+    from stereo_gpu.calibration.board import Board, parse_squares
+    from stereo_gpu.calibration.charuco import CharucoBoard
+
+    if options.marker is None:
+        if options.dictionary is not None:
+            raise InputError(
+                f"--dictionary {options.dictionary!s:.60} stands without --marker: say the side of a marker too"
+            )
+        return Board.parse(options.board, 1.0 if options.square is None else options.square)
+    if options.square is None:
+        raise InputError(f"--marker {options.marker:g} stands without --square: say the side of a square too")
+    columns, rows = parse_squares(options.board)
+    return CharucoBoard(columns, rows, options.square, options.marker, options.dictionary or "5x5_250")
 
 
 def add_backend(parser: argparse.ArgumentParser) -> None:
