@@ -11,12 +11,13 @@ from stereo_gpu.calibration.figures.coverage import draw_coverage, measure_cover
 from stereo_gpu.calibration.figures.lens import draw_distortion, draw_radial
 from stereo_gpu.calibration.figures.residuals import draw_field, draw_scatter, pooled_residuals, scatter_reach
 from stereo_gpu.calibration.figures.space import draw_space
-from stereo_gpu.calibration.figures.tables import parameter_tables, summary_tiles
+from stereo_gpu.calibration.figures.tables import lens_models_card, parameter_tables, summary_tiles
 from stereo_gpu.calibration.figures.views import draw_bars, draw_views
 from stereo_gpu.calibration.outcome import Calibration
 from stereo_gpu.files import write_whole
 
 SIDES = ("left", "right")
+NEXT = "next:"  # how the advice opens that tells which view to take
 
 
 def write_calibration_report(calibration: Calibration, path: str | os.PathLike[str]) -> Path:
@@ -36,7 +37,7 @@ def write_calibration_report(calibration: Calibration, path: str | os.PathLike[s
     page = Template((here / "report.html").read_text(encoding="utf-8"))
     rig, board = calibration.rig, calibration.board
     cameras = (rig.left, rig.right)
-    coverages = [measure_coverage(calibration, side) for side in (0, 1)]
+    coverages = measure_coverage(calibration)
     left, right = (pooled_residuals(calibration, side) for side in (0, 1))
     reach = scatter_reach((left, right))
     views, views_told = draw_views(calibration)
@@ -65,11 +66,12 @@ def write_calibration_report(calibration: Calibration, path: str | os.PathLike[s
         coverage="".join(
             _figure(f"{side.title()} picture", drawing, told, escaped=True)
             for side, (drawing, told) in zip(
-                SIDES, (draw_coverage(calibration, side, coverages[side]) for side in (0, 1)), strict=True
+                SIDES, (draw_coverage(calibration, side, coverages) for side in (0, 1)), strict=True
             )
         ),
         lenses="".join(_figure(f"{side.title()} lens", *draw_distortion(camera, side)) for side, camera, _ in both)
-        + _figure("Along the radius", radial, radial_told),
+        + _figure("Along the radius", radial, radial_told)
+        + lens_models_card(calibration.models),
         space=space,
         space_told=escape(space_told),
         parameters=parameter_tables(calibration),
@@ -91,12 +93,21 @@ def _lead(calibration: Calibration) -> str:
 
 
 def _advice(advice: tuple[str, ...]) -> str:
-    if not advice:
-        return '<p class="fine">No warnings, and no further view would help much.</p>'
-    listed = "".join(f"<li>{escape(words)}</li>" for words in advice)
-    return (
-        f'<section class="warnings" role="alert"><h2>What to know, and what to do next</h2><ul>{listed}</ul></section>'
+    """Warnings, and then the next best view, each in a box of its own."""
+    warnings = [words for words in advice if not words.startswith(NEXT)]
+    following = [words.removeprefix(NEXT).strip() for words in advice if words.startswith(NEXT)]
+    return _warnings(warnings) + "".join(
+        f'<section class="next"><h2>Next best view</h2><p>{escape(words[:1].upper() + words[1:])}.</p></section>'
+        for words in following
     )
+
+
+def _warnings(warnings: list[str]) -> str:
+    if not warnings:
+        return '<p class="fine">No warnings.</p>'
+    listed = "".join(f"<li>{escape(words)}</li>" for words in warnings)
+    heading = "Warning" if len(warnings) == 1 else f"{len(warnings)} warnings"
+    return f'<section class="warnings" role="alert"><h2>{heading}</h2><ul>{listed}</ul></section>'
 
 
 def _figure(name: str, drawing: str, told: str, *, escaped: bool = False) -> str:

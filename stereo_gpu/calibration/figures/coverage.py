@@ -7,7 +7,7 @@ from html import escape
 import numpy as np
 
 from stereo_gpu.calibration.board import BoardView
-from stereo_gpu.calibration.coverage import Coverage
+from stereo_gpu.calibration.coverage import REGIONS, Coverage, missing_in_both, out_of_reach
 from stereo_gpu.calibration.figures.svg import Frame, dots, rectangle, thinned, words
 from stereo_gpu.calibration.outcome import Calibration
 from stereo_gpu.types import Doubles, Ints
@@ -15,8 +15,12 @@ from stereo_gpu.types import Doubles, Ints
 MOST_CORNERS = 4000  # drawn in a picture
 
 
-def measure_coverage(calibration: Calibration, side: int) -> Coverage:
-    """What the views that count cover of one camera's picture."""
+def measure_coverage(calibration: Calibration) -> tuple[Coverage, Coverage]:
+    """What the views that count cover of the left and of the right camera's picture."""
+    return _coverage(calibration, 0), _coverage(calibration, 1)
+
+
+def _coverage(calibration: Calibration, side: int) -> Coverage:
     camera = (calibration.rig.left, calibration.rig.right)[side]
     coverage = Coverage(camera.size, calibration.board)
     for view in calibration.views:
@@ -27,15 +31,15 @@ def measure_coverage(calibration: Calibration, side: int) -> Coverage:
     return coverage
 
 
-def draw_coverage(calibration: Calibration, side: int, coverage: Coverage) -> tuple[str, str]:
+def draw_coverage(calibration: Calibration, side: int, both: tuple[Coverage, Coverage]) -> tuple[str, str]:
     """Cells the darker the more views have a corner in them, with the corners; returns drawing and caption (HTML)."""
-    name = ("left", "right")[side]
+    name, coverage = ("left", "right")[side], both[side]
     frame = Frame(coverage.size)
     corners = _corners(calibration, side)
     kept = corners[thinned(len(corners), MOST_CORNERS)]
     drawing = frame.drawing(
         [
-            *_cells(frame, coverage.cells, name),
+            *_cells(frame, coverage.cells, name, out_of_reach(*both)[side]),
             dots(frame.place(kept), f"corner {name}"),
             *_counts(frame, coverage.cells),
         ],
@@ -47,7 +51,7 @@ def draw_coverage(calibration: Calibration, side: int, coverage: Coverage) -> tu
         told += f" Tilts seen: {tilts}."
     if len(kept) < len(corners):
         told += f" {len(kept):,} of {len(corners):,} corners drawn."
-    lacks = coverage.missing()
+    lacks = missing_in_both(*both)[side]
     listed = "".join(f"<li>{escape(lack)}</li>" for lack in lacks)
     return drawing, escape(told) + (
         f'<ul class="lacks">{listed}</ul>' if lacks else ' <span class="fine">Nothing is missing.</span>'
@@ -61,10 +65,13 @@ def _corners(calibration: Calibration, side: int) -> Doubles:
     )
 
 
-def _cells(frame: Frame, cells: Ints, name: str) -> list[str]:
+def _cells(frame: Frame, cells: Ints, name: str, excused: frozenset[str]) -> list[str]:
     rows, columns = cells.shape
     wide, high = frame.width / columns, frame.height / rows
     most = max(1, int(cells.max()))
+    wanted = np.ones(cells.shape, bool)
+    for region, down, across in REGIONS:
+        wanted[down, across] = region not in excused
     parts = []
     for row in range(rows):
         for column in range(columns):
@@ -76,7 +83,7 @@ def _cells(frame: Frame, cells: Ints, name: str) -> list[str]:
                     rectangle(corner, (wide, high), f"cell {name}", opacity=0.12 + 0.5 * (count / most) ** 0.5)
                 )
             else:
-                parts.append(rectangle(corner, (wide, high), "cell empty"))
+                parts.append(rectangle(corner, (wide, high), "cell empty" if wanted[row, column] else "cell away"))
     return parts
 
 

@@ -8,6 +8,7 @@ from html import escape
 import cv2
 import numpy as np
 
+from stereo_gpu.calibration.lens_models import LensModels
 from stereo_gpu.calibration.outcome import Calibration
 from stereo_gpu.deviations import COEFFICIENT_NAMES, CameraDeviations
 from stereo_gpu.rig import Camera
@@ -45,6 +46,28 @@ def parameter_tables(calibration: Calibration) -> str:
     return f'<div class="parameters">{"".join(cards)}</div>'
 
 
+def lens_models_card(models: LensModels | None) -> str:
+    """How well each number of lens coefficients foretells views left out; nothing where the number was given."""
+    if models is None:
+        return ""
+    longest = max(models.errors_px.values()) or 1.0
+    rows = []
+    for count, error in models.errors_px.items():
+        note = "taken" if count == models.chosen else models.refused.get(count, "")
+        rows.append(
+            f'<tr class="{"taken" if count == models.chosen else ""}"><th scope="row">{count}</th>'
+            f'<td><span class="bar" style="width:{100 * error / longest:.1f}%"></span></td>'
+            f'<td class="number">{error:.4f} px</td><td class="names">{escape(note)}</td></tr>'
+        )
+    return (
+        '<section class="card"><h3>Lens models compared</h3><table class="models"><thead><tr>'
+        '<th scope="col">coefficients</th><th scope="col" colspan="3">error of views left out</th></tr></thead>'
+        f"<tbody>{''.join(rows)}</tbody></table>"
+        '<p class="note">Each model was fitted to four fifths of the views and judged by the rest, in turn. The fewest'
+        " coefficients that do as well as any are taken.</p></section>"
+    )
+
+
 def summary_tiles(calibration: Calibration, shares: tuple[float, float]) -> str:
     """The figures that are looked at first.
 
@@ -56,13 +79,16 @@ def summary_tiles(calibration: Calibration, shares: tuple[float, float]) -> str:
     used = sum(view.used for view in calibration.views)
     # The length of T changes by T's own direction times its change; the parts' correlation is not known here.
     deviation = float(np.linalg.norm(rig.T / rig.baseline * calibration.deviations.T))
-    tiles = (
+    tiles = [
         ("Reprojection error", f"{rig.rms_px:.3f} px", f"left {rig.left.rms_px:.3f}, right {rig.right.rms_px:.3f}"),
         ("Epipolar error", f"{rig.epipolar_rms_px:.3f} px", "corners from their partners' lines"),
         ("Baseline", f"{with_deviation(rig.baseline, deviation)} {rig.unit}", "distance between the cameras"),
         ("Pairs", f"{used} of {len(calibration.views)}", "count in the calibration"),
         ("Covered", f"{100 * shares[0]:.0f} · {100 * shares[1]:.0f} %", "of the left and the right picture"),
-    )
+    ]
+    if calibration.depth is not None:
+        depth, spread = calibration.depth
+        tiles.append(("Depth", f"± {spread:.2g} {rig.unit}", f"at {depth:.3g} {rig.unit}, from the calibration alone"))
     return '<div class="tiles">' + "".join(
         f'<div class="tile"><span>{escape(name)}</span><b>{escape(value)}</b><small>{escape(more)}</small></div>'
         for name, value, more in tiles
