@@ -37,6 +37,14 @@ class PairCoverage:
         """What the views of the left and of the right camera lack, in words."""
         return missing_in_both(*self.cameras)
 
+    def wanted_regions(self) -> tuple[list[str], list[str]]:
+        """Names of the regions of the left and of the right picture that still need a corner."""
+        left, right = (
+            [name for name in camera.missing_regions() if name not in names]
+            for camera, names in zip(self.cameras, out_of_reach(*self.cameras), strict=True)
+        )
+        return left, right
+
     @property
     def done(self) -> bool:
         """Whether nothing is missing, in at least ten pairs."""

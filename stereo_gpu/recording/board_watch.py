@@ -40,6 +40,7 @@ class Look:
         pairs: how many were so far.
         cells: of both cameras' `Coverage`.
         missing: what the views of each camera lack, in words.
+        wanted: names of the regions of each picture that still need a corner.
         progress: 0..1, 1 when nothing is missing.
         done: whether it is enough.
     """
@@ -51,6 +52,7 @@ class Look:
     pairs: int
     cells: tuple[Ints, Ints]
     missing: tuple[list[str], list[str]]
+    wanted: tuple[list[str], list[str]]
     progress: float
     done: bool
 
@@ -94,6 +96,7 @@ class BoardChooser:
                 pairs=coverage.pairs,
                 cells=(coverage.cameras[0].cells.copy(), coverage.cameras[1].cells.copy()),
                 missing=coverage.missing(),
+                wanted=coverage.wanted_regions(),
                 progress=coverage.progress,
                 done=coverage.done,
             )

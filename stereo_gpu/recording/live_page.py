@@ -23,6 +23,7 @@ from typing import Any
 import cv2
 
 from stereo_gpu.calibration.board import Board, BoardView
+from stereo_gpu.calibration.coverage import COLUMNS, REGIONS, ROWS
 from stereo_gpu.errors import InputError
 from stereo_gpu.images import grey
 from stereo_gpu.recording.board_watch import Look
@@ -40,6 +41,10 @@ IDLE_S = 10.0  # a connection on which nothing moves for so long is closed
 MOST_CONNECTIONS = 24
 LOCAL_NAMES = {"localhost", "127.0.0.1", "[::1]"}
 PICTURES = {"/left.jpg": 0, "/right.jpg": 1}
+AREAS = {  # left, top, right and bottom of the regions, as shares of the picture
+    name: [columns.start / COLUMNS, rows.start / ROWS, columns.stop / COLUMNS, rows.stop / ROWS]
+    for name, rows, columns in REGIONS
+}
 
 logger = logging.getLogger(__name__)
 
@@ -152,8 +157,9 @@ class _Shown:
                     "ids": [] if view is None else view.ids.tolist(),
                     "cells": cells.tolist(),
                     "missing": missing,
+                    "wanted": [AREAS[name] for name in wanted],
                 }
-                for view, cells, missing in zip(look.views, look.cells, look.missing, strict=True)
+                for view, cells, missing, wanted in zip(look.views, look.cells, look.missing, look.wanted, strict=True)
             ],
         }
 
