@@ -6,9 +6,10 @@ import cv2
 import numpy as np
 
 from stereo_gpu.errors import InputError
-from stereo_gpu.types import Bytes, Floats, Mesh
+from stereo_gpu.types import METRES_PER_UNIT, UNSCALED, Bytes, Floats, Mesh
 
-METRES_PER_UNIT = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
+# A model without a scale is as large as if the cameras stood a metre apart.
+METRES_SHOWN = {**METRES_PER_UNIT, UNSCALED: 1.0}
 
 
 def to_viewer(points: Floats) -> Floats:
@@ -29,8 +30,8 @@ def check_mesh(mesh: Mesh) -> None:
     Raises:
         InputError: the unit is unknown, an array's shape does not fit, or a vertex is not finite.
     """
-    if mesh.unit not in METRES_PER_UNIT:
-        raise InputError(f"unknown unit {mesh.unit!r} of a mesh: pass one of {', '.join(METRES_PER_UNIT)}")
+    if mesh.unit not in METRES_SHOWN:
+        raise InputError(f"unknown unit {mesh.unit!r} of a mesh: pass one of {', '.join(METRES_SHOWN)}")
     count = len(mesh.vertices)
     shapes = {"vertices": (count, 3), "faces": (len(mesh.faces), 3), "uv": (count, 2)}
     for name, shape in shapes.items():

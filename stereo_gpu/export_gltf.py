@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from stereo_gpu.export_frame import METRES_PER_UNIT, check_mesh, encode_png, to_viewer
+from stereo_gpu.export_frame import METRES_SHOWN, check_mesh, encode_png, to_viewer
 from stereo_gpu.files import write_whole
 from stereo_gpu.types import Mesh
 
@@ -33,7 +33,7 @@ def write_glb(path: str | os.PathLike[str], mesh: Mesh) -> Path:
         InputError: the mesh's unit is unknown or its arrays do not fit, or the file cannot be written.
     """
     check_mesh(mesh)
-    positions = (to_viewer(mesh.vertices) * METRES_PER_UNIT[mesh.unit]).astype(np.float32)
+    positions = (to_viewer(mesh.vertices) * METRES_SHOWN[mesh.unit]).astype(np.float32)
     parts = [
         np.ascontiguousarray(mesh.faces, "<u4").tobytes(),
         positions.astype("<f4").tobytes(),

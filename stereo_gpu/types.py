@@ -2,7 +2,7 @@
 
 Pictures: uint8 or uint16, (H, W) or (H, W, 3) in RGB order; pixel centres at whole numbers.
 Disparity d in px: left(x, y) shows what right(x - d, y) shows. No value is NaN, and `Validity` says why.
-Lengths: the board's unit, millimetres unless told otherwise.
+Lengths: the board's unit, millimetres unless told otherwise; without a rig, baselines.
 Camera frame: x right, y down, z forward; X_right = R X_left + T.
 Points, vertices: the frame of the rectified left camera, whichever view is the reference.
 Texture coordinates: (0, 0) is the top left corner of the texture, (1, 1) its bottom right one.
@@ -22,6 +22,9 @@ Floats = NDArray[np.float32]
 Doubles = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 Ints = NDArray[np.int32]
+
+METRES_PER_UNIT = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254}
+UNSCALED = "baselines"  # the unit of a reconstruction without a rig: the distance between the cameras
 
 
 class Validity(IntFlag):

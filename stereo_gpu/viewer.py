@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 
 from stereo_gpu.errors import StageError
+from stereo_gpu.export_frame import METRES_SHOWN
 from stereo_gpu.orbit import orbit, spread
 from stereo_gpu.types import Bytes, Mesh
 
 log = logging.getLogger(__name__)
 
-_UNITS_PER_METRE = {"mm": 1000.0, "cm": 100.0, "m": 1.0, "in": 1 / 0.0254}
 _TEXTURE_SIDE = 2048  # px: what a phone can hold, and enough for a window on a page
 _TEXTURE_QUALITY = 88
 # From here on trimesh's page is its own stage: white, lit, and turning about the middle of the bounding box.
@@ -68,7 +68,7 @@ def viewer_page(mesh: Mesh) -> str:
         return page
     size = (400, 300)
     camera = orbit(spread(vertices, faces), size)
-    scale = 1 / _UNITS_PER_METRE.get(mesh.unit, 1000.0)
+    scale = METRES_SHOWN[mesh.unit]
     depth = float(camera.pivot[2]) * scale
     ray = ((np.array(size) - 1) / 2 - camera.centre) / camera.focal
     stage = {
@@ -86,7 +86,7 @@ def _scene(mesh: Mesh) -> Any:
     """The mesh as trimesh holds it: metres, y up, z towards the viewer, uv from the bottom left, JPEG."""
     import trimesh
 
-    scale = 1 / _UNITS_PER_METRE.get(mesh.unit, 1000.0)
+    scale = METRES_SHOWN[mesh.unit]
     material = trimesh.visual.material.PBRMaterial(
         baseColorTexture=_jpeg(mesh.texture), metallicFactor=0.0, roughnessFactor=1.0
     )

@@ -23,7 +23,7 @@ from stereo_gpu.errors import InputError, StageError
 from stereo_gpu.images import check_pair
 from stereo_gpu.rectify import plan_rectification
 from stereo_gpu.rig import Camera, Rig
-from stereo_gpu.types import Doubles, Picture
+from stereo_gpu.types import UNSCALED, Doubles, Picture
 
 GUESSED_FOCAL = 1.0  # of the longer side: 53 degrees across; webcams and phones have 0.6 to 1, Middlebury's 1.3
 FEWEST = 30  # matches: of a board alone a few fit by chance, and then even left and right are open
@@ -192,4 +192,4 @@ def _rig(parameters: Doubles, size: tuple[int, int], focal: float) -> Rig:
     lens[0] = parameters[5] if len(parameters) > 5 else 0.0
     camera = Camera(matrix, lens, size)
     T = np.array([-1.0, *parameters[3:5]])
-    return Rig(camera, camera, cv2.Rodrigues(parameters[:3])[0], T / np.linalg.norm(T), unit="baselines")
+    return Rig(camera, camera, cv2.Rodrigues(parameters[:3])[0], T / np.linalg.norm(T), unit=UNSCALED)

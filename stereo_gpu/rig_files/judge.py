@@ -8,11 +8,10 @@ from dataclasses import replace
 import numpy as np
 
 from stereo_gpu.errors import InputError
-from stereo_gpu.export_frame import METRES_PER_UNIT
 from stereo_gpu.rig import DISTORTION_COUNTS, LARGEST_SIDE, Camera, Rig
 from stereo_gpu.rig_files.draft import Draft, DraftCamera, Size
 from stereo_gpu.rig_files.geometry import mend_rotation
-from stereo_gpu.types import Doubles
+from stereo_gpu.types import METRES_PER_UNIT, Doubles
 
 TILTED_COUNT = 14  # OpenCV's longest lens model: 12 coefficients and two angles of a tilted sensor
 FOCAL_RANGE = (0.01, 1000.0)  # times the larger side: an angle of view of 178 degrees, and of 0.06

@@ -9,7 +9,6 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from stereo_gpu.errors import InputError
-from stereo_gpu.export_frame import METRES_PER_UNIT
 from stereo_gpu.rig import FORMAT, Rig
 from stereo_gpu.rig_files.draft import Draft, Size
 from stereo_gpu.rig_files.json_tree import parse_json
@@ -25,7 +24,7 @@ from stereo_gpu.rig_files.text_lines import parse_lines
 from stereo_gpu.rig_files.tree import Tree
 from stereo_gpu.rig_files.xml_tree import parse_xml
 from stereo_gpu.rig_files.yaml_tree import parse_yaml
-from stereo_gpu.types import Picture
+from stereo_gpu.types import METRES_PER_UNIT, Picture
 
 Paths = str | os.PathLike[str]
 

@@ -8,9 +8,9 @@ from pathlib import Path
 from stereo_gpu.errors import InputError
 from stereo_gpu.files import check_writable_file, whole_folder, write_whole
 from stereo_gpu.rig import Rig
-from stereo_gpu.rig_files.matlab import write_matlab
-from stereo_gpu.rig_files.opencv import write_opencv_xml, write_opencv_yaml
-from stereo_gpu.rig_files.ros import write_ros
+from stereo_gpu.rig_files.matlab_write import write_matlab
+from stereo_gpu.rig_files.opencv_write import write_opencv_xml, write_opencv_yaml
+from stereo_gpu.rig_files.ros_write import write_ros
 
 # Name of a format: suffixes that stand for it. ROS's is a folder.
 FORMATS = {"json": (".json",), "yaml": (".yml", ".yaml"), "xml": (".xml",), "mat": (".mat",), "ros": ()}
