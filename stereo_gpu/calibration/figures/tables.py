@@ -22,7 +22,8 @@ def with_deviation(value: float, deviation: float) -> str:
         return "unknown"
     if deviation <= 0:
         return f"{value:.6g}"
-    digits = min(12, max(0, 1 - math.floor(math.log10(deviation))))
+    exponent = int(f"{deviation:.1e}".partition("e")[2])  # of the rounded deviation: 0.0999 has two digits as 0.10
+    digits = min(12, max(0, 1 - exponent))
     return f"{value:.{digits}f} ± {deviation:.{digits}f}"
 
 
