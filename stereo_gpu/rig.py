@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -124,11 +125,13 @@ class Rig:
     def __post_init__(self) -> None:
         rotation = _array("R", self.R, (3, 3))
         translation = _array("T", self.T, (3,))
-        off = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
-        if off > ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
+        # Huge numbers give infinity or NaN here, which is no rotation either.
+        with np.errstate(over="ignore", invalid="ignore"):
+            off = float(np.abs(rotation @ rotation.T - np.eye(3)).max())
+        if not off <= ROTATION_TOLERANCE or np.linalg.det(rotation) < 0:
             detail = "mirrors" if off <= ROTATION_TOLERANCE else f"is off by {off:.2g}"
             raise InputError(f"R is no rotation: it {detail}; {MEND}")
-        if not np.linalg.norm(translation) > 0:
+        if not math.hypot(*translation) > 0:
             raise InputError(f"T is {translation.tolist()}: the cameras stand at one point; {MEND}")
         if not (isinstance(self.unit, str) and 0 < len(self.unit) <= 16 and self.unit.isprintable()):
             raise InputError(f"unit is {self.unit!r:.60}: name a unit of length such as mm")
@@ -143,7 +146,7 @@ class Rig:
     @property
     def baseline(self) -> float:
         """Distance between the cameras, in `unit`."""
-        return float(np.linalg.norm(self.T))
+        return math.hypot(*self.T.tolist())  # which does not overflow
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the rig as JSON, with every digit, whole or not at all.

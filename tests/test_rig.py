@@ -60,6 +60,7 @@ NONSENSE = [
     (("R",), [[1, 0, 0], [0, 1, 0], [0, 0, -1]], "mirrors"),
     (("R",), [[1, 0, 0], [0, 1, 0]], r"R has shape \(2, 3\)"),
     (("R",), [[1, 0], [0, 1, 0], [0]], "R is"),
+    (("R",), [[1e200, 1e200, 0], [1e200, -1e200, 0], [0, 0, 1]], "R is no rotation"),
     (("T",), [0, 0, 0], "one point"),
     (("T",), [math.nan, 0, 0], "nan: it must be finite"),
     (("T",), [math.inf, 0, 0], "inf: it must be finite"),

@@ -16,6 +16,7 @@ from stereo_gpu.types import Doubles
 
 DEEPEST = 32  # levels; the files of calibrations have three
 LONGEST_NUMBER = 400  # characters; "1e-300" written out has 302
+LARGEST_WHOLE = 2**31 - 1
 
 Tree = str | list["Tree"] | dict[str, "Tree"]
 
@@ -55,8 +56,8 @@ def whole(name: str, value: float) -> int:
     Raises:
         InputError: it is none.
     """
-    if value != int(value):
-        raise InputError(f"{name} is {value!r}: it must be a whole number")
+    if abs(value) > LARGEST_WHOLE or value != int(value):
+        raise InputError(f"{name} is {value!r}: it must be a whole number of pixels")
     return int(value)
 
 
