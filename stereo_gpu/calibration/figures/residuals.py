@@ -86,13 +86,18 @@ def draw_scatter(residuals: Residuals, side: str, reach: float) -> tuple[str, st
     sigma = np.sqrt(np.diag(covariance))
     told = (
         f"{len(off):,} corners, 1 σ of {sigma[0]:.3f} px across and {sigma[1]:.3f} px down,"
-        f" mean ({mean[0]:+.3f}, {mean[1]:+.3f}) px."
+        f" mean ({_zero(mean[0]):.3f}, {_zero(mean[1]):.3f}) px."
     )
     if len(shown) < len(off):
         told += f" {len(shown):,} of them drawn."
     if outside:
         told += f" {outside} beyond the frame, drawn on its edge."
     return drawing, told
+
+
+def _zero(value: float) -> float:
+    """The value to three digits, without the sign of a zero."""
+    return round(float(value), 3) + 0.0
 
 
 def draw_field(residuals: Residuals, size: tuple[int, int], side: str) -> tuple[str, str]:
