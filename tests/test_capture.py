@@ -1,79 +1,149 @@
-"""Taking pairs, with video files as cameras."""
+"""Taking pairs, with video files, folders and network streams as cameras."""
+
+import json
+import os
+import signal
+import struct
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from camera_server import number_of, numbered
 
 from stereo_gpu.capture import capture
-from stereo_gpu.errors import InputError
+from stereo_gpu.errors import CameraError, InputError
 from stereo_gpu.images import read_image
 
-FRAMES, RATE = 12, 4.0
-CODED = 12  # grey levels that JPEG changes at most on a flat picture
+SIZE = (64, 48)
+RATE = 60.0
+COMMAND = [sys.executable, "-c", "import sys; from stereo_gpu.cli import main; sys.exit(main(sys.argv[1:]))", "capture"]
 
 
-def video(path, size=(64, 48), frames=FRAMES, base=0):
-    """A video whose frame n is flat, base + 10 n grey levels in its red channel, so that each tells its number."""
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), RATE, size)
+def video(path, numbers, size=SIZE, rate=RATE, first=0):
+    """An MPEG-4 video whose pictures show `numbers`; where one is left out its time passes, as in a recording."""
+    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, cv2.VideoWriter.fourcc(*"mp4v"), rate, size)
     assert writer.isOpened()
-    for number in range(frames):
-        writer.write(np.full((size[1], size[0], 3), (0, 0, base + 10 * number), np.uint8))
+    numbers = list(numbers)
+    for number in numbers:
+        writer.write(numbered(first + number, size))
     writer.release()
+    steps = [after - before for before, after in zip(numbers, numbers[1:], strict=False)] + [1]
+    if set(steps) != {1}:
+        set_times(path, steps)
     return str(path)
 
 
+def set_times(path, steps):
+    """Give each picture of an MP4 file its own duration, in periods: OpenCV itself writes them all alike."""
+    data = bytearray(path.read_bytes())
+    table = data.find(b"stts") - 4
+    size, entries, period = (struct.unpack_from(">I", data, table + at)[0] for at in (0, 12, 20))
+    assert entries == 1
+    rows = b"".join(struct.pack(">II", 1, step * period) for step in steps)
+    new = struct.pack(">I4sII", 16 + len(rows), b"stts", 0, len(steps)) + rows
+    data[table : table + size] = new
+    for box in (b"moov", b"trak", b"mdia", b"minf", b"stbl"):
+        at = data.find(box) - 4
+        struct.pack_into(">I", data, at, struct.unpack_from(">I", data, at)[0] + len(new) - size)
+    # It would end the film when it would have ended with the old times.
+    at = data.find(b"edts")
+    data[at : at + 4] = b"free"
+    path.write_bytes(data)
+
+
 @pytest.fixture
-def cameras(tmp_path):
-    return video(tmp_path / "left.avi"), video(tmp_path / "right.avi", base=100)
+def films(tmp_path):
+    return video(tmp_path / "left.mp4", range(60)), video(tmp_path / "right.mp4", range(60))
 
 
-def numbers(folder, side, base):
-    return [round((np.median(read_image(path)[..., 0]) - base) / 10) for path in sorted(folder.glob(f"{side}*.png"))]
+def listed(folder):
+    """The records of a folder's pairs, after making sure that all that is there is whole."""
+    text = (folder / "pairs.jsonl").read_text()
+    assert text.endswith("\n")
+    records = [json.loads(line) for line in text.splitlines()]
+    for record in records:
+        for side in ("left", "right"):
+            height, width = read_image(folder / record[side]).shape[:2]
+            assert [width, height] == record["size"]
+    return records
 
 
-def test_pairs_are_written_in_step(cameras, tmp_path):
+def seen(folder, records):
+    """The numbers that the pictures of each pair show."""
+    return [tuple(number_of(read_image(folder / record[side])) for side in ("left", "right")) for record in records]
+
+
+def test_pairs_are_written_in_step(films, tmp_path):
     out = tmp_path / "new" / "out"
-    taken = list(capture(*cameras, out, count=3, interval=0))
-    assert [pair.number for pair in taken] == [1, 2, 3]
-    assert [pair.left.name for pair in taken] == ["left0001.png", "left0002.png", "left0003.png"]
+    told = []
+    recording = capture(*films, out, count=3, interval=0, on_pair=told.append)
+    assert recording.taken == 3 and recording.dropped == 0
+    assert [(pair.number, pair.left.name, pair.right.name) for pair in told] == [
+        (number, f"left000{number}.png", f"right000{number}.png") for number in (1, 2, 3)
+    ]
     assert sorted(path.name for path in out.iterdir()) == sorted(
-        path.name for pair in taken for path in (pair.left, pair.right)
+        ["pairs.jsonl", *(path.name for pair in told for path in (pair.left, pair.right))]
     )
-    assert all(0 <= pair.skew_ms < 1000 for pair in taken)
-    first = read_image(taken[0].right)
-    assert first.shape == (48, 64, 3)
-    assert abs(float(first[..., 0].mean()) - 100) < CODED and first[..., 2].mean() < CODED  # red, so RGB order
-    assert numbers(out, "left", 0) == numbers(out, "right", 100) == [0, 1, 2]
+    records = listed(out)
+    assert seen(out, records) == [(0, 0), (1, 1), (2, 2)]
+    assert [record["left_s"] for record in records] == pytest.approx([0, 1 / 60, 2 / 60], abs=1e-5)
+    assert records[0]["sources"] == list(films) and records[0]["settings"] == [{"fps": 60.0}] * 2
 
 
-def test_a_video_plays_at_its_own_speed_until_it_ends(cameras, tmp_path):
-    taken = list(capture(*cameras, tmp_path / "out", count=99, interval=1.0))
-    assert numbers(tmp_path / "out", "left", 0) == [0, 4, 8]
-    assert len(taken) == 3
+def test_colours_stay_as_they_are(tmp_path):
+    writer = cv2.VideoWriter(str(tmp_path / "red.avi"), cv2.VideoWriter.fourcc(*"MJPG"), RATE, SIZE)
+    writer.write(np.full((48, 64, 3), (20, 60, 200), np.uint8))  # BGR
+    writer.release()
+    capture(tmp_path / "red.avi", tmp_path / "red.avi", tmp_path / "out", count=1)
+    assert np.abs(np.median(read_image(tmp_path / "out" / "left0001.png"), axis=(0, 1)) - (200, 60, 20)).max() < 6
 
 
-def test_a_missing_camera_leaves_nothing(cameras, tmp_path):
-    for pair in ((str(tmp_path / "no.avi"), cameras[1]), (cameras[0], "/dev/video97"), (cameras[0], "")):
-        with pytest.raises(InputError, match="cannot be opened"):
-            list(capture(*pair, tmp_path / "out"))
-    assert not (tmp_path / "out").exists()
+def test_a_video_plays_at_its_own_speed_until_it_ends(films, tmp_path):
+    recording = capture(*films, tmp_path / "out", count=99, interval=0.25)
+    assert seen(tmp_path / "out", listed(tmp_path / "out")) == [(number, number) for number in (0, 15, 30, 45)]
+    assert "left.mp4 ended after 60 pictures" in recording.ended
 
 
-def test_unequal_sizes_leave_nothing(cameras, tmp_path):
-    small = video(tmp_path / "small.avi", size=(32, 48))
-    with pytest.raises(InputError, match=r"gives 64 x 48, .*small\.avi gives 32 x 48: set both cameras to one size"):
-        list(capture(cameras[0], small, tmp_path / "out"))
-    assert not (tmp_path / "out").exists()
+def test_a_later_run_goes_on_and_writes_over_nothing(films, tmp_path):
+    capture(*films, tmp_path / "out", count=2, interval=0)
+    (tmp_path / "out" / "left0007.png").write_bytes(b"mine")
+    capture(*films, tmp_path / "out", count=2, interval=0.5)
+    assert [record["number"] for record in listed(tmp_path / "out")] == [1, 2, 8, 9]
+    assert (tmp_path / "out" / "left0007.png").read_bytes() == b"mine"
 
 
-def test_wrong_options(cameras, tmp_path):
-    for option, says in (
-        ({"count": 0}, "count = 0"),
-        ({"interval": -1.0}, "interval = -1"),
-        ({"interval": float("nan")}, "interval = nan"),
-    ):
-        with pytest.raises(InputError, match=says):
-            list(capture(*cameras, tmp_path / "out", **option))
-    with pytest.raises(InputError, match="is a file"):
-        list(capture(*cameras, tmp_path / "left.avi"))
-    assert not (tmp_path / "out").exists()
+def test_a_source_that_dropped_pictures_is_realigned(tmp_path):
+    kept = [number for number in range(60) if number not in (5, 6, 7, 31)]
+    left, right = video(tmp_path / "left.mp4", range(60)), video(tmp_path / "right.mp4", kept)
+    recording = capture(left, right, tmp_path / "out", count=None, interval=0)
+    records = listed(tmp_path / "out")
+    assert seen(tmp_path / "out", records) == [(number, number) for number in kept]
+    assert recording.unmatched == (4, 0) and recording.dropped == 0
+    assert max(record["skew_ms"] for record in records) < 0.1
+
+
+def test_sources_of_different_speed_are_paired_by_time(tmp_path):
+    left, right = video(tmp_path / "left.mp4", range(60)), video(tmp_path / "right.mp4", range(30), rate=30.0)
+    recording = capture(left, right, tmp_path / "out", count=None, interval=0)
+    pairs = seen(tmp_path / "out", listed(tmp_path / "out"))
+    assert [a for a, _ in pairs] == [2 * b for _, b in pairs] and len(pairs) >= 29
+    assert recording.unmatched[0] >= 28
+
+
+def test_pairs_too_far_apart_are_dropped_and_counted(tmp_path):
+    # 40 pictures a second; from the second one on the right ones come 1/120 s later.
+    left = video(tmp_path / "left.mp4", range(0, 60, 3), rate=120.0)
+    right = video(tmp_path / "right.mp4", [0, *range(4, 61, 3)], rate=120.0)
+    recording = capture(left, right, tmp_path / "out", count=None, interval=0, max_skew_ms=5)
+    assert seen(tmp_path / "out", listed(tmp_path / "out")) == [(0, 0)]
+    assert recording.taken == 1 and recording.dropped == 19
+    assert "1 pair taken, 19 dropped" in str(recording)
+    kept = capture(left, right, tmp_path / "all", count=None, interval=0)
+    assert kept.taken == 20 and kept.dropped == 0
+    assert np.median(kept.skews_ms) == pytest.approx(1000 / 120, abs=0.1)
+    assert "8.3 ms (median), 8.3 ms (95 %), 8.3 ms (largest)" in str(kept)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+import logging
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,19 +11,39 @@ from stereo_gpu.errors import InputError
 from stereo_gpu.images import PICTURE_SUFFIXES
 from stereo_gpu.types import Bytes
 
+SIDES = ("left", "right")
+
+logger = logging.getLogger(__name__)
+
 
 def split_pictures(given: Sequence[str]) -> tuple[list[Path], list[Path]]:
-    """Tell left pictures from right ones: two folders, two patterns, or one list whose first half is left.
+    """Tell left pictures from right ones: two folders, two patterns, one list whose first half is left, or one folder.
+
+    One folder is what `capture` leaves: left0001.png belongs to right0001.png, and so on.
 
     Raises:
-        InputError: a folder or pattern holds no picture, or the list has an odd length.
+        InputError: a folder or pattern holds no picture or pair, or the list has an odd length.
     """
+    if len(given) == 1 and Path(given[0]).is_dir():
+        return _split_folder(Path(given[0]))
     if len(given) == 2:
         return _expand(given[0]), _expand(given[1])
     if len(given) % 2:
         raise InputError(f"{len(given)} pictures cannot be pairs: give all left ones, then as many right ones")
     half = len(given) // 2
     return [Path(name) for name in given[:half]], [Path(name) for name in given[half:]]
+
+
+def _split_folder(folder: Path) -> tuple[list[Path], list[Path]]:
+    files = sorted(file for file in folder.iterdir() if file.suffix.lower() in PICTURE_SUFFIXES)
+    views = [{file.stem[len(side) :]: file for file in files if file.stem.startswith(side)} for side in SIDES]
+    shared = [rest for rest in views[0] if rest in views[1]]
+    if not shared:
+        raise InputError(f"folder {folder} holds no pair: it needs files such as left01.png and right01.png")
+    alone = [file.name for own, other in (views, views[::-1]) for rest, file in own.items() if rest not in other]
+    if alone:
+        logger.warning("%s of %s has no partner: left out", ", ".join(alone[:5]), folder)
+    return [views[0][rest] for rest in shared], [views[1][rest] for rest in shared]
 
 
 def _expand(name: str) -> list[Path]:

@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from stereo_gpu.errors import CameraError, InputError
 from stereo_gpu.recording.sources import Opener, Source
@@ -16,6 +16,7 @@ from stereo_gpu.types import Picture
 
 FIRST_LIMIT_S = 15.0  # for opening and for the first picture: cameras wake slowly
 RETRY_S = 0.5  # between attempts to open a source again
+MOST_OLD = 100  # pictures that any driver or socket keeps
 LOOK_S = 0.1  # how often a wait looks whether all is to stop
 
 Answer = TypeVar("Answer")
@@ -24,6 +25,20 @@ logger = logging.getLogger(__name__)
 
 class Stopped(Exception):
     """The recording is to end, whatever is being waited for."""
+
+
+class Grab(NamedTuple):
+    """What a grab gave.
+
+    Args:
+        time_s: of the picture, seconds on the source's clock; None at the source's end.
+        waited_s: how long the grab took: next to nothing if the picture had been waiting.
+        anew: whether the source had failed and was opened again.
+    """
+
+    time_s: float | None
+    waited_s: float
+    anew: bool
 
 
 class SourceThread:
@@ -48,14 +63,26 @@ class SourceThread:
         self.source: Source = self._wait(self._worker.open(opener), FIRST_LIMIT_S)
         self.name, self.live = self.source.name, self.source.live
         self._given = False  # whether it has ever given a picture
-        self._grab: Future[float | None] | None = None
+        self._grab: Future[tuple[float | None, float]] | None = None
 
     def start_grab(self) -> None:
         """Have the next picture grabbed; do not wait for it."""
-        self._grab = self._worker.ask(self.source.grab)
+        self._grab = self._worker.ask(self._timed_grab)
 
-    def finish_grab(self) -> tuple[float | None, bool]:
-        """The time of the picture whose grab was started, None at the source's end; and whether it was opened anew.
+    def start_drain(self, wait_s: float) -> None:
+        """As `start_grab`, but pass over the pictures that are waiting: grab until a grab takes `wait_s` or longer."""
+
+        def drain() -> tuple[float | None, float]:
+            for _ in range(MOST_OLD):
+                time_s, waited_s = self._timed_grab()
+                if time_s is None or waited_s >= wait_s:
+                    break
+            return time_s, waited_s
+
+        self._grab = self._worker.ask(drain)
+
+    def finish_grab(self) -> Grab:
+        """What the grab gave that was started.
 
         Raises:
             InputError: it has never given a picture.
@@ -65,20 +92,20 @@ class SourceThread:
         assert self._grab is not None
         limit_s = self._stall_s if self._given and self.live else FIRST_LIMIT_S
         try:
-            time_s = self._wait(self._grab, limit_s)
+            time_s, waited_s = self._wait(self._grab, limit_s)
             trouble = "gives no more pictures"
         except TimeoutError:
-            time_s, trouble = None, f"has given no picture for {limit_s:g} s"
+            time_s, waited_s, trouble = None, limit_s, f"has given no picture for {limit_s:g} s"
         if time_s is not None:
             self._given = True
-            return time_s, False
+            return Grab(time_s, waited_s, anew=False)
         if not self._given:
             raise InputError(f"{self.name} opened but gives no picture: is it in use elsewhere?")
         if not self.live and not self._grab.done():
             raise CameraError(f"{self.name} {trouble}: copy it to this computer's own disk")
         if not self.live or self.source.ended:
-            return None, False
-        return self._come_back(trouble), True
+            return Grab(None, waited_s, anew=False)
+        return Grab(self._come_back(trouble), 0.0, anew=True)
 
     def retrieve(self) -> Future[Picture]:
         """Have decoded what was grabbed last; `result` waits for it."""
@@ -108,6 +135,11 @@ class SourceThread:
     def close(self) -> None:
         """Let the source go, and wait for that a little."""
         self._worker.leave(wait_s=1.0)
+
+    def _timed_grab(self) -> tuple[float | None, float]:
+        since = time.monotonic()
+        time_s = self.source.grab()
+        return time_s, time.monotonic() - since
 
     def _come_back(self, trouble: str) -> float:
         """Open the source anew, again and again; the time of its first picture."""

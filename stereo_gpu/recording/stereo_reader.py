@@ -7,6 +7,7 @@ faster, the other passes over its own, not decoded, until its time is the neares
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections import deque
@@ -21,8 +22,8 @@ from stereo_gpu.types import Picture
 
 STEPS_KEPT = 15  # times between pictures, whose median is the source's period
 STEPS_NEEDED = 5  # before that the source's own word counts
-DRAINED_SHARE = 0.3  # of a period: a grab that takes as long had to wait, so that no old picture was left
-MOST_OLD = 100  # pictures that any driver or socket keeps
+FRESH_SHARE = 0.3  # of a period: a grab that took as long had to wait for its picture
+SETTLING_PAIRS = 4  # passed over after a source was opened
 MOST_DAMAGED = 30  # pictures in turn that cannot be decoded, before that is the camera's fault rather than the cable's
 SETTINGS_EVERY_S = 1.0  # an automatic exposure goes on changing
 
@@ -64,7 +65,10 @@ class StereoReader:
         self.damaged = 0
         self.ended = ""
         self._steps: list[deque[float]] = [deque(maxlen=STEPS_KEPT) for _ in self._threads]
-        self._times: list[float] = []
+        self._times = [math.nan] * count  # of the pictures that were grabbed last
+        # While the second source was opened, the first one's pictures piled up. They would be taken for pictures of
+        # the moment in which they are read, so they are passed over, and some pairs more until both are in step.
+        self._stale = SETTLING_PAIRS if self.live else 0
         self._number = 0
         self._damaged_in_turn = 0
         self._told_s = -SETTINGS_EVERY_S
@@ -80,18 +84,13 @@ class StereoReader:
             CameraError: a source has failed and did not come back.
             Stopped: the recording ends.
         """
-        if not self._grab(range(len(self._threads))):
-            return False
-        while len(self._times) == 2:
-            older = int(self._times[1] < self._times[0])
-            lag = abs(self._times[1] - self._times[0])
-            if lag <= self.period_s(older) / 2:
-                break
-            self.unmatched[older] += 1
-            if not self._grab([older]):
+        while True:
+            if not self._step():
                 return False
-        self._number += 1
-        return True
+            if self._stale == 0:
+                self._number += 1
+                return True
+            self._stale -= 1
 
     def decode(self) -> StereoFrame | None:
         """The pair that was grabbed last, decoded in both threads at once; None if a camera sent a damaged picture.
@@ -140,48 +139,42 @@ class StereoReader:
         for thread in self._threads:
             thread.close()
 
+    def _step(self) -> bool:
+        """Have both sources grab until their times belong together; False at the end of one."""
+        if not self._grab(range(len(self._threads))):
+            return False
+        while len(self._times) == 2:
+            older = int(self._times[1] < self._times[0])
+            if abs(self._times[1] - self._times[0]) <= self.period_s(older) / 2:
+                break
+            self.unmatched[older] += self._stale == 0
+            if not self._grab([older]):
+                return False
+        return True
+
     def _grab(self, sides: Sequence[int]) -> bool:
         """Have these sources grab at once; False at the end of one."""
         for side in sides:
-            self._threads[side].start_grab()
-        reopened = []
-        times: dict[int, float] = {}
+            if self._stale == SETTLING_PAIRS:
+                self._threads[side].start_drain(FRESH_SHARE * self.period_s(side))
+            else:
+                self._threads[side].start_grab()
         for side in sides:
-            time_s, anew = self._threads[side].finish_grab()
-            if time_s is None:
+            grab = self._threads[side].finish_grab()
+            if grab.time_s is None:
                 self.ended = self._threads[side].source.ended or f"{self._threads[side].name} ended"
                 return False
-            times[side] = time_s
-            if anew:
-                reopened.append(side)
-        for side, time_s in times.items():
-            if len(self._times) == len(self._threads) and side not in reopened:
-                self._steps[side].append(time_s - self._times[side])
-        if len(self._times) < len(self._threads):
-            self._times = [times[side] for side in range(len(self._threads))]
-        for side, time_s in times.items():
-            self._times[side] = time_s
-        # While one was away, pictures of the other have piled up, and may be taken for fresh ones.
-        for side in {1 - side for side in reopened} if len(self._threads) == 2 else ():
-            self._drain(side)
+            if grab.anew:
+                self._stale = SETTLING_PAIRS
+                self._steps[side].clear()
+            elif self._stale == 0 and math.isfinite(self._times[side]):
+                self._steps[side].append(grab.time_s - self._times[side])
+            self._times[side] = grab.time_s
         return True
 
     def _read_settings(self) -> None:
         self.settings = tuple(thread.settings() for thread in self._threads)
         self._told_s = time.monotonic()
-
-    def _drain(self, side: int) -> None:
-        """Pass over the pictures of a live source that were waiting."""
-        thread = self._threads[side]
-        for _ in range(MOST_OLD):
-            since = time.monotonic()
-            thread.start_grab()
-            time_s, _ = thread.finish_grab()
-            if time_s is None:
-                return
-            self._times[side] = time_s
-            if time.monotonic() - since > DRAINED_SHARE * self.period_s(side):
-                return
 
     def _halves(self, both: Picture) -> list[Picture]:
         width = both.shape[1]
