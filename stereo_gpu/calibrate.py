@@ -16,7 +16,7 @@ from stereo_gpu.calibration.lens_models import LensModels, choose_lens_model
 from stereo_gpu.calibration.outcome import Calibration
 from stereo_gpu.calibration.summary import describe_views, make_rig
 from stereo_gpu.calibration.uncertainty import (
-    depth_deviation,
+    depth_deviations,
     depth_slopes,
     find_deviations,
     shared_covariance,
@@ -111,7 +111,7 @@ def calibrate_in_full(
 def _depth(fit: Fit, covariance: Doubles, sizes: Sequence[tuple[int, int]]) -> tuple[float, float]:
     """A depth amid the boards, and how certain the calibration makes it."""
     slopes = depth_slopes(fit.bundle, working_places(fit.bundle, sizes, [fit.distance]))
-    return fit.distance, depth_deviation(slopes, covariance)
+    return fit.distance, float(np.median(depth_deviations(slopes, covariance)))
 
 
 def _refuse_nonsense(rig: Rig, distance: float) -> None:

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from stereo_gpu.calibrate import calibrate
-from stereo_gpu.calibration.summary import epipolar_errors
 from stereo_gpu.calibration.board import Board
+from stereo_gpu.calibration.summary import epipolar_errors
 from stereo_gpu.errors import CalibrationError, InputError, PictureError
 from stereo_gpu.images import write_png
 from stereo_gpu.rig import Camera, Rig

@@ -9,15 +9,14 @@ import numpy as np
 from stereo_gpu.calibration.board import Board
 from stereo_gpu.calibration.coverage import Coverage, missing_in_both
 from stereo_gpu.calibration.fit import Fit
-from stereo_gpu.calibration.lenses import SIDES
+from stereo_gpu.calibration.lenses import SIDES, seen_by
 from stereo_gpu.calibration.next_view import find_next_view
 from stereo_gpu.calibration.uncertainty import corner_variance, working_places
+from stereo_gpu.calibration.undetermined import UNDETERMINED, undetermined
 from stereo_gpu.deviations import Deviations
-from stereo_gpu.errors import CalibrationError
 from stereo_gpu.rig import DISTORTION_COUNTS, Rig
 
-UNDETERMINED = 0.05  # deviation of a focal length, as a share of it: no calibration
-UNCERTAIN = 0.01  # a poor one: careful ones have 0.0003 to 0.001
+UNCERTAIN = 0.01  # deviation of a focal length, as a share of it: a poor one; careful ones have 0.0003 to 0.001
 UNCERTAIN_DEGREES = 0.2  # of R: careful ones have 0.05 to 0.1
 FEW_PAIRS = 10
 HIGH_ERROR_PX = 1.0
@@ -30,14 +29,9 @@ def refuse_undetermined(fit: Fit, deviations: Deviations, board: Board, sizes: S
         CalibrationError: a focal length is more uncertain than that.
     """
     for side, (lens, found) in enumerate(zip(fit.bundle.lenses, (deviations.left, deviations.right), strict=True)):
-        share = float(np.hypot(found.fx / lens[0], found.fy / lens[1]) / np.sqrt(2))
-        if not share <= UNDETERMINED:
-            tilts = [lack for lack in _coverage(fit, board, sizes)[side].missing() if "tilt" in lack]
-            why = f" ({'; '.join(tilts)})" if tilts else ""
-            raise CalibrationError(
-                f"the focal length of the {SIDES[side]} camera is not determined: {lens[0]:.0f} px with a deviation of"
-                f" {share:.0%}{why}; tilt the board by 30 degrees to the left, right, top and bottom, and take more"
-            )
+        share = max(found.fx / lens[0], found.fy / lens[1])
+        if not 0 <= share <= UNDETERMINED:
+            raise undetermined(SIDES[side], lens[0], share, seen_by(fit.used, side), sizes[side], board)
 
 
 def advise(fit: Fit, rig: Rig, deviations: Deviations, board: Board) -> tuple[str, ...]:
@@ -52,7 +46,7 @@ def advise(fit: Fit, rig: Rig, deviations: Deviations, board: Board) -> tuple[st
     if fit.move is not None:
         first = fit.used[fit.move.first]
         told.append(
-            f"the cameras may have moved by {fit.move.degrees:.2g} degrees before {first.names[0]}: two rigs would"
+            f"the cameras may have moved by {fit.move.degrees:.2f} degrees before {first.names[0]}: two rigs would"
             f" explain {fit.move.share:.0%} of the squared error; fasten them and take the pairs again"
         )
     for side, (lens, found) in enumerate(zip(fit.bundle.lenses, (deviations.left, deviations.right), strict=True)):
@@ -72,9 +66,13 @@ def advise(fit: Fit, rig: Rig, deviations: Deviations, board: Board) -> tuple[st
     if len(fit.used) < FEW_PAIRS:
         told.append(f"{len(fit.used)} pairs are few: take {FEW_PAIRS} or more")
     lacks = missing_in_both(*_coverage(fit, board, sizes))
-    told += [f"in both pictures: {lack}" for lack in lacks[0] if lack in lacks[1]]
-    for side, other in ((0, 1), (1, 0)):
-        told += [f"in the {SIDES[side]} pictures: {lack}" for lack in lacks[side] if lack not in lacks[other]]
+    common = [lack for lack in lacks[0] if lack in lacks[1]]
+    own = [[lack for lack in ours if lack not in common] for ours in lacks]
+    told += [
+        f"in {where}: {'; '.join(ours)}"
+        for where, ours in (("both pictures", common), *((f"the {SIDES[side]} pictures", own[side]) for side in (0, 1)))
+        if ours
+    ]
     information, _ = fit.normal.reduced()
     variance = corner_variance(fit.bundle, fit.normal, fit.count)
     depths = fit.bundle.translations[:, 2]

@@ -12,6 +12,7 @@ import numpy as np
 
 from stereo_gpu.calibration.board import Board, BoardView, in_both
 from stereo_gpu.calibration.hints import Hint, common_hint
+from stereo_gpu.calibration.picture_sizes import tell_sizes
 from stereo_gpu.errors import CalibrationError, InputError, PictureError
 from stereo_gpu.images import check_picture, read_image
 from stereo_gpu.types import Picture
@@ -77,14 +78,12 @@ def find_pairs(
         for side in (0, 1):
             name, source = sources[side][number]
             picture = _read(name, source)
-            size = (picture.shape[1], picture.shape[0])
+            size = _size(picture)
             if len(sizes) <= side:
                 sizes.append(size)
             if size != sizes[side]:
-                raise PictureError(
-                    f"{name} is {size[0]} x {size[1]} px, the {('left', 'right')[side]} ones before were"
-                    f" {sizes[side][0]} x {sizes[side][1]}: take all pictures of a camera in one size"
-                )
+                every = ((other, _size(_read(other, picture))) for other, picture in sources[side])
+                raise PictureError(tell_sizes(("left", "right")[side], every))
             view = board.find(picture)
             pair.views.append(view)
             if number in first:
@@ -113,6 +112,10 @@ def _read(name: str, source: Source) -> Picture:
         return read_image(source)
     check_picture(name, source)
     return source
+
+
+def _size(picture: Picture) -> tuple[int, int]:
+    return picture.shape[1], picture.shape[0]
 
 
 def _leave_out_blank(pair: BoardPair) -> None:

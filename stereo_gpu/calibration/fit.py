@@ -82,7 +82,7 @@ def fit_pairs(found: list[BoardPair], sizes: list[tuple[int, int]], board: Board
             raise CalibrationError(degenerate(None))
         move = find_move(normal, len(corners[0].seen) + len(corners[1].seen))
         if move is not None and move.share >= SURE_SHARE:
-            raise CalibrationError(moved(pairs, move.first, f" by {move.degrees:.2g} degrees against each other"))
+            raise CalibrationError(moved(pairs, move.first, f" by {move.degrees:.2f} degrees against each other"))
         distances = both_distances(bundle, corners)
         if first:
             _refuse_strangers(pairs, lenses, distances, board, sizes[1][0])

@@ -11,6 +11,7 @@ from stereo_gpu.calibration.board import Board, BoardView
 from stereo_gpu.calibration.board_pairs import BoardPair
 from stereo_gpu.calibration.outliers import drop_outliers, used_pairs
 from stereo_gpu.calibration.pairing import LensView
+from stereo_gpu.calibration.undetermined import UNDETERMINED_ALONE, undetermined
 from stereo_gpu.errors import CalibrationError
 from stereo_gpu.types import Doubles
 
@@ -67,7 +68,7 @@ def _calibrate_lens(pairs: list[BoardPair], side: int, size: tuple[int, int], bo
         seen = seen_by(used, side)
         points = [board.points[view.ids] for view in seen]
         try:
-            rms, matrix, distortion, turns, shifts = cv2.calibrateCamera(
+            rms, matrix, distortion, turns, shifts, deviations, _, _ = cv2.calibrateCameraExtended(
                 points,
                 [view.corners for view in seen],
                 size,
@@ -86,6 +87,10 @@ def _calibrate_lens(pairs: list[BoardPair], side: int, size: tuple[int, int], bo
             )
             for on_board, turn, shift, view in zip(points, turns, shifts, seen, strict=True)
         ]
+        # With parallel boards the cameras' poses are as wrong as the focal length, and pairs would seem not to agree.
+        share = float(np.max(np.asarray(deviations).reshape(-1)[:2] / matrix[[0, 1], [0, 1]]))
+        if not 0 <= share <= UNDETERMINED_ALONE:
+            raise undetermined(SIDES[side], float(matrix[0, 0]), share, seen, size, board)
         if not drop_outliers(used, distances, f"does not fit the {SIDES[side]} camera"):
             views = [
                 LensView(seen=view, rotation=cv2.Rodrigues(turn)[0], translation=shift.reshape(3))

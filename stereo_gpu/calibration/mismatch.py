@@ -73,15 +73,15 @@ def moved(pairs: Sequence[BoardPair], first: int, detail: str = "") -> str:
 
 def _shifted(pairs: Sequence[BoardPair], shift: int) -> str:
     """That left i belongs to right i + shift."""
-    many, first = "one picture", "picture"
+    many, ends = "one picture", ("picture", "last")
     if abs(shift) > 1:
-        many, first = f"{abs(shift)} pictures", f"{abs(shift)} pictures"
+        many, ends = f"{abs(shift)} pictures", (f"{abs(shift)} pictures", f"last {abs(shift)}")
     number = max(0, -shift)
     left, right = pairs[number].names[0], pairs[number + shift].names[1]
     early, late = ("right", "left") if shift > 0 else ("left", "right")
     return (
-        f"the lists are shifted by {many}: {left} belongs with {right}, and so on; leave out the first {first}"
-        f" of the {early} camera and the last of the {late} one"
+        f"the lists are shifted by {many}: {left} belongs with {right}, and so on; leave out the first {ends[0]}"
+        f" of the {early} camera and the {ends[1]} of the {late} one"
     )
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from stereo_gpu.calibration.board import Board
 from stereo_gpu.calibration.bundle import Bundle, Corners, linearise, project
-from stereo_gpu.calibration.uncertainty import depth_deviation, depth_slopes
+from stereo_gpu.calibration.uncertainty import depth_deviations, depth_slopes
 from stereo_gpu.types import Doubles
 
 LEAST_GAIN = 0.05  # of the depth's deviation: less is not worth a picture
@@ -102,14 +102,14 @@ def find_next_view(
     scale = np.sqrt(np.diag(information))
     even, scaled = information / np.outer(scale, scale), slopes / scale
 
-    def after(more: Doubles) -> float:
+    def certainty(more: Doubles) -> float:
+        # The mean of logarithms: every place counts by what it gains, or the worst ones alone would decide.
         covariance = variance * np.linalg.pinv(even + more / np.outer(scale, scale), hermitian=True)
-        return depth_deviation(scaled, covariance)
+        return -float(np.log(depth_deviations(scaled, covariance)).mean())
 
-    now = after(np.zeros_like(even))
-    later = np.array([after(more) for more in brought])
-    best = int(later.argmin())
-    gain = 1 - later[best] / now
+    later = np.array([certainty(more) for more in brought])
+    best = int(later.argmax())
+    gain = 1 - np.exp(certainty(np.zeros_like(even)) - later[best])
     if not gain >= LEAST_GAIN:
         return None
     held = candidates[best]

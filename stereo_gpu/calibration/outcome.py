@@ -49,8 +49,8 @@ class Calibration:
         deviations: of every parameter of the rig.
         advice: warnings, and the next best view, in words; one sentence each.
         models: what the numbers of lens coefficients were worth; None where the number was given.
-        depth: a depth amid the boards, and its standard deviation that comes from the calibration alone, in the
-            board's unit; None where it was not found.
+        depth: a depth amid the boards, and the standard deviation that the calibration alone leaves there, median
+            over the picture, both in the board's unit; None where it was not found.
     """
 
     rig: Rig

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -17,6 +18,7 @@ VIEW_FACTOR = 3.0  # a view that fits this many times worse than the median one 
 VIEW_FLOOR_PX = 0.1  # but none that fits better than this
 CORNER_FACTOR = 12.0  # a corner so many times farther off than the spread of all corners is wrong, and so its view
 CORNER_FLOOR_PX = 1.5  # but none that is nearer than this
+FEW_CORNERS = 0.25  # of a view: so many wrong ones are told, more are a board that does not fit
 MEDIAN_OF_RAYLEIGH = 1.1774  # median distance of a corner, when both coordinates spread by 1
 
 
@@ -49,25 +51,27 @@ def drop_outliers(used: list[BoardPair], distances: list[Doubles], what: str) ->
         Whether any was left out.
     """
     errors = np.array([np.sqrt((off**2).mean()) for off in distances])
-    typical = float(np.median(errors))
-    limit = max(VIEW_FLOOR_PX, VIEW_FACTOR * typical, float(errors.max()) / 2)
-    bad = np.flatnonzero(errors > limit).tolist()
-    if bad:
-        drop(used, errors, bad, what)
-        return True
     worst = np.array([off.max() for off in distances])
     spread = float(np.median(np.concatenate(distances))) / MEDIAN_OF_RAYLEIGH
-    limit = max(CORNER_FLOOR_PX, CORNER_FACTOR * spread, float(worst.max()) / 2)
-    for number in np.flatnonzero(worst > limit):
-        wrong = int((distances[number] > limit).sum())
-        used[number].drop(
-            f"{wrong} of {len(distances[number])} corners off by up to {worst[number]:.1f} px, the spread of all is"
-            f" {spread:.2f} px: something covers or blurs the board there"
-        )
-    return bool((worst > limit).any())
+    wrong_px = max(CORNER_FLOOR_PX, CORNER_FACTOR * spread)
+    limit = max(VIEW_FLOOR_PX, VIEW_FACTOR * float(np.median(errors)), float(errors.max()) / 2)
+    bad = errors > limit
+    if not bad.any():
+        bad = worst > max(wrong_px, float(worst.max()) / 2)
+    details = {}
+    for number in np.flatnonzero(bad).tolist():
+        off = distances[number]
+        wrong = int((off > wrong_px).sum())
+        if 0 < wrong <= FEW_CORNERS * len(off):
+            details[number] = f"; {wrong} of {len(off)} corners are off by up to {worst[number]:.1f} px"
+    drop(used, errors, np.flatnonzero(bad).tolist(), what, details)
+    return bool(bad.any())
 
 
-def drop(used: list[BoardPair], errors: Doubles, numbers: list[int], what: str) -> None:
-    """Leave pairs out, with their error and the typical one."""
+def drop(
+    used: list[BoardPair], errors: Doubles, numbers: list[int], what: str, details: Mapping[int, str] | None = None
+) -> None:
+    """Leave pairs out, with their error, the typical one and what more there is to say."""
     for number in numbers:
-        used[number].drop(f"{what}: {errors[number]:.2f} px, typical {float(np.median(errors)):.2f} px")
+        detail = (details or {}).get(number, "")
+        used[number].drop(f"{what}: {errors[number]:.2f} px, typical {float(np.median(errors)):.2f} px{detail}")

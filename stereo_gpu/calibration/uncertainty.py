@@ -86,9 +86,10 @@ def depth_slopes(bundle: Bundle, places: Doubles) -> Doubles:
     return slopes
 
 
-def depth_deviation(slopes: Doubles, covariance: Doubles) -> float:
-    """Rms standard deviation of the depths that have these slopes."""
-    return float(np.sqrt(np.einsum("kp,pq,kq->k", slopes, covariance, slopes).mean()))
+def depth_deviations(slopes: Doubles, covariance: Doubles) -> Doubles:
+    """(k,) standard deviations of the depths that have these slopes."""
+    deviations: Doubles = np.sqrt(np.einsum("kp,kp->k", slopes @ covariance, slopes))
+    return deviations
 
 
 def _points(bundle: Bundle, places: Doubles) -> tuple[Bundle, Corners]:
