@@ -75,6 +75,7 @@ def describe_views(fit: Fit, board: Board) -> tuple[CalibrationView, ...]:
             rotation, translation = bundle.rotations[number], bundle.translations[number]
             number += 1
         seen_left, seen_right = (None if view is None else view.corners for view in pair.views)
+        left_ids, right_ids = (None if view is None else view.ids for view in pair.views)
         described.append(
             CalibrationView(
                 left=pair.names[0],
@@ -85,6 +86,7 @@ def describe_views(fit: Fit, board: Board) -> tuple[CalibrationView, ...]:
                 projected=projected,
                 rotation=rotation,
                 translation=translation,
+                ids=(left_ids, right_ids),
             )
         )
     return tuple(described)
