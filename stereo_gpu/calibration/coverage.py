@@ -30,7 +30,7 @@ EDGES = (  # three regions that are one edge of the picture
     ("bottom", ("bottom left", "bottom", "bottom right")),
 )
 SIDES = frozenset(name for _, names in EDGES[:2] for name in names)
-ENOUGH = 0.65  # of the cells: the real calibrations of 13 and 30 views that this was tried on reach 67 to 79 %
+ENOUGH = 0.6  # of the cells: the real calibrations of 13 and 30 views that this was tried on reach 67 to 79 %
 LEANING = 0.2  # sine of the lean, 12 degrees, from which the board counts as tilted to a side
 SIZE_RATIO = 1.25  # between the nearest and the farthest board
 HALF = 0.5  # `Placement.size` from which a board is called near

@@ -146,9 +146,11 @@ class BoardChooser:
         self._blank, self._hint = 0, ""
         if min(held_s, default=STILL_S) < STILL_S:
             return "hold still", False
-        for edges, flat, view, side in zip(self._edges, flats, (left, right), SIDES, strict=True):
-            if complaint := edges.complaint(flat, view):
-                return f"the {side} picture is {complaint}", False
+        # Both are asked, since each gathers what its camera can do.
+        blurs = [edges.complaint(*seen) for edges, *seen in zip(self._edges, flats, (left, right), strict=True)]
+        for side, blur in zip(SIDES, blurs, strict=True):
+            if blur:
+                return f"the {side} picture is {blur}", False
         if not coverage.is_new(left, right):
             return f"already have one here: {coverage.next_step()}", False
         # Only now the search at full size, which is what the calibration will see.
@@ -156,6 +158,10 @@ class BoardChooser:
         if found[0] is None or found[1] is None:
             side = SIDES[0 if found[0] is None else 1]
             return f"the board is hard to see in the {side} picture: bring it closer or into better light", False
+        # A finder that was told too few squares finds a part of the board, and seldom the same one in both cameras.
+        other = self._board.hint(shrink(flats[0], HINT_SIDE), found[0]) if coverage.pairs == 0 else None
+        if other is not None:
+            return other.text, False
         if len(in_both(found[0], found[1])[0].ids) < FEWEST_COMMON:
             return "the cameras see different parts of the board: move it to where both look", False
         coverage.add(found[0], found[1])
