@@ -11,6 +11,8 @@ from pages import Page
 
 from stereo_gpu.calibrate import calibrate_in_full
 from stereo_gpu.calibration.board import Board
+from stereo_gpu.calibration.charuco import CharucoBoard
+from stereo_gpu.calibration.figures.coverage import measure_coverage
 from stereo_gpu.calibration.figures.lens import draw_distortion, radial_displacement, turning_radius
 from stereo_gpu.calibration.figures.residuals import arrow_factor, pooled_residuals
 from stereo_gpu.calibration.figures.space import Stage, look
@@ -133,7 +135,7 @@ def test_loads_nothing_from_the_network(tmp_path):
     assert "http" not in text.replace("http-equiv", "") and "url(" not in text and "@import" not in text
     for _, attributes in page.tags:
         assert "src" not in attributes
-        assert attributes.get("href", "data:image/png").startswith("data:image/png")
+        assert attributes.get("href", "#").startswith(("data:image/png", "#"))
 
 
 def test_nothing_from_outside_becomes_markup(tmp_path):
@@ -265,6 +267,8 @@ def test_thirty_views_stay_small_and_a_thousand_are_thinned_out(tmp_path):
     assert len(text) < 2_000_000
     many = make(1000, out=range(0, 1000, 10))
     page, text = write(tmp_path, many)
+    cards = {f"#{tag['id']}" for tag in page.all("figure") if "id" in tag}
+    assert len(cards) == 60 and cards == {tag["href"] for tag in page.all("a")}
     assert len(text) < 4_000_000
     assert "Drawn are 60 of 1000 views" in page.text
     assert "820 more boards are not drawn" in page.text
@@ -298,8 +302,13 @@ def test_parts_of_a_board_are_known_by_their_ids(tmp_path):
         ids = np.arange(4, 40, dtype=np.int32)
         part = [tuple(corners[ids] for corners in both) for both in (view.seen, view.projected)]
         views.append(CalibrationView(**{**vars(view), "seen": part[0], "projected": part[1], "ids": (ids, ids)}))
-    page, _ = write(tmp_path, make(views=tuple(views)))
+    page, _ = write(tmp_path, make(views=tuple(views), board=CharucoBoard(9, 7, 30.0, 22.0)))
     assert "288 corners" in page.text
+    assert "markers of 5x5_250" in page.text
+    # A board leans as it does when all of it is seen; with the first 36 points in place of these it would not.
+    whole, part = (measure_coverage(one)[0].placements for one in (make(), make(views=tuple(views))))
+    for one, other in zip(whole, part, strict=True):
+        assert (other.lean_x, other.lean_y) == pytest.approx((one.lean_x, one.lean_y), abs=0.1)
 
 
 def test_a_page_that_cannot_be_written_leaves_nothing(tmp_path):

@@ -77,18 +77,18 @@ def write_calibration_report(calibration: Calibration, path: str | os.PathLike[s
         parameters=parameter_tables(calibration),
         views=views,
         views_told=escape(views_told),
-        board=escape(f"{board} squares of {board.square:g} {board.unit}"),
+        board=escape(f"{board.described}, {board.square:g} {board.unit} each"),
     )
     return write_whole(path, content)
 
 
 def _lead(calibration: Calibration) -> str:
-    rig = calibration.rig
+    rig, board = calibration.rig, calibration.board
     sizes = [f"{camera.size[0]} x {camera.size[1]} px" for camera in (rig.left, rig.right)]
     pictures = sizes[0] if sizes[0] == sizes[1] else f"{sizes[0]} left, {sizes[1]} right"
     return (
-        f"{len(calibration.views)} pairs of a board of {calibration.board} squares of {calibration.board.square:g}"
-        f" {calibration.board.unit}, pictures of {pictures}, lenses with {len(rig.left.distortion)} coefficients"
+        f"{len(calibration.views)} pairs of a board of {board.described}, {board.square:g} {board.unit} each;"
+        f" pictures of {pictures}; lenses with {len(rig.left.distortion)} coefficients"
     )
 
 

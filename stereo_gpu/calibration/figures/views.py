@@ -32,12 +32,13 @@ def draw_bars(calibration: Calibration) -> str:
     """A table of all views: names, a bar for each camera's error and the epipolar one, or why it was left out."""
     errors = [_errors(calibration, number) for number in range(len(calibration.views))]
     longest = max((value for view in errors if view is not None for value in view), default=0.0) or 1.0
-    rows = []
+    rows, drawn = [], set(_chosen(calibration))
     for number, (view, found) in enumerate(zip(calibration.views, errors, strict=True), 1):
         names = f"{escape(view.left)} · {escape(view.right)}"
+        link = f'<a href="#view-{number}">{number}</a>' if number - 1 in drawn else str(number)
         if found is None or not view.used:
             rows.append(
-                f'<tr class="out"><th scope="row">{number}</th><td class="names">{names}</td>'
+                f'<tr class="out"><th scope="row">{link}</th><td class="names">{names}</td>'
                 f'<td colspan="2">left out: {escape(view.reason or "no error is known")}</td></tr>'
             )
             continue
@@ -47,7 +48,7 @@ def draw_bars(calibration: Calibration) -> str:
         )
         told = " ".join(f"<span>{value:.3f}</span>" for value in found)
         rows.append(
-            f'<tr><th scope="row">{number}</th><td class="names">{names}</td><td class="bars">{bars}</td>'
+            f'<tr><th scope="row">{link}</th><td class="names">{names}</td><td class="bars">{bars}</td>'
             f'<td class="number">{told}</td></tr>'
         )
     head = (
@@ -123,7 +124,7 @@ def _card(calibration: Calibration, number: int, factor: float) -> str:
     reason = "" if view.used else f'<p class="reason">Left out: {escape(view.reason or "no reason given")}</p>'
     name = f"{number + 1}. {escape(view.left)} · {escape(view.right)}"
     return (
-        f'<figure class="view{"" if view.used else " out"}"><div class="two">{pictures}</div>'
+        f'<figure id="view-{number + 1}" class="view{"" if view.used else " out"}"><div class="two">{pictures}</div>'
         f"<figcaption><b>{name}</b>{reason}<span>{escape('; '.join(details))}</span></figcaption></figure>"
     )
 
