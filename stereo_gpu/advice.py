@@ -2,36 +2,28 @@
 
 from __future__ import annotations
 
-import numpy as np
-
-from stereo_gpu.check import PairCheck
+from stereo_gpu.rig_check import RigCheck, Verdict
 from stereo_gpu.types import Disparity
 from stereo_gpu.unwrap import Unwrapped
 
-LARGE_VERTICAL_PX = 0.5  # rows that differ by more cost matches
 LOW_COVERAGE = 0.5
 RANGE_HIT = 0.01  # share of the disparities in the last px of the range that says it is cut off; 0.001 are usual
 
 
 def find_warnings(
-    checked: PairCheck, disparity: Disparity, unwrapped: Unwrapped | None, infinity_px: float | None = None
+    checked: RigCheck, disparity: Disparity, unwrapped: Unwrapped | None, infinity_px: float | None = None
 ) -> list[str]:
     """Warnings about a reconstruction, the most harmful first; none if all is well.
 
     Args:
-        checked: what matched features tell of the rectified pair.
+        checked: what matched features tell of the rig and the pair.
         disparity: the map.
         unwrapped: the mesh with its texture coordinates, if one was made.
         infinity_px: disparity of a point at infinity, if it is known.
     """
     found = []
-    if np.isnan(checked.vertical_px):
-        found.append(f"Only {checked.matches} features matched: whether the rows correspond was not checked.")
-    elif checked.vertical_px > LARGE_VERTICAL_PX:
-        found.append(
-            f"Matched features differ by {checked.vertical_px:.2f} px in height (median of {checked.matches}):"
-            " the cameras moved since the calibration, or the rig belongs to others. Calibrate again."
-        )
+    if checked.verdict is not Verdict.GOOD:
+        found.append(f"{checked.says[0].upper()}{checked.says[1:]}.")
     covered = disparity.coverage
     if covered < LOW_COVERAGE:
         found.append(f"Only {covered:.0%} of the wanted pixels have a disparity: too little texture, or a wrong range.")

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
+from stereo_gpu.epipolar.consensus import ENOUGH, agreeing, enough
+from stereo_gpu.epipolar.faults import BEHIND, share_behind
+from stereo_gpu.epipolar.features import WORKING_SIDE, match_features
+from stereo_gpu.epipolar.rows import Rows
+from stereo_gpu.epipolar.sharpen import sharpen_matches
 from stereo_gpu.errors import InputError
-from stereo_gpu.images import grey
 from stereo_gpu.types import Picture
 
-WIDEST = 1600  # px; larger pictures are shrunk for the features
-ENOUGH = 20  # matches, below which nothing is concluded
-LOWES_RATIO = 0.75  # of the best to the second best descriptor distance
+__all__ = ["ENOUGH", "PairCheck", "check_rectified", "refuse_swapped"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,8 +23,8 @@ class PairCheck:
 
     Args:
         matches: how many features were matched.
-        vertical_px: median distance between the rows of matched features, px; NaN with too few matches.
-        behind: share of the matches whose disparity would put them behind the cameras; NaN with too few.
+        vertical_px: median distance between the rows of those that agree, px; NaN with too few.
+        behind: share of them whose disparity would put them behind the cameras; NaN with too few.
     """
 
     matches: int
@@ -32,42 +33,29 @@ class PairCheck:
 
     @property
     def swapped(self) -> bool:
-        """Whether left and right look exchanged: the rows fit, and nearly every point lies behind the cameras."""
-        return self.matches >= ENOUGH and self.behind > 0.8
+        """Whether left and right look exchanged: nearly every point lies behind the cameras."""
+        return self.behind > BEHIND
 
 
 def check_rectified(left: Picture, right: Picture, *, offset_px: float = 0.0) -> PairCheck:
-    """Match SIFT features (Lowe 2004), by ratio and cross check, between two rectified pictures of one size.
+    """Match SIFT features between two rectified pictures of one size, of which no geometry need be known.
+
+    With a rig, `check_rig` says more: it names what is wrong.
 
     Args:
         left, right: (H, W) or (H, W, 3), uint8 or uint16.
         offset_px: disparity of a point at infinity, cx_left - cx_right.
     """
-    shrink = min(1.0, WIDEST / left.shape[1])
-    sift = cv2.SIFT.create(4000)
-    found = []
-    for picture in (left, right):
-        small = cv2.resize(grey(picture), None, fx=shrink, fy=shrink, interpolation=cv2.INTER_AREA)
-        found.append(sift.detectAndCompute(small, None))
-    (keys_left, about_left), (keys_right, about_right) = found
-    if about_left is None or about_right is None or min(len(keys_left), len(keys_right)) < 2:
-        return PairCheck(matches=0, vertical_px=float("nan"), behind=float("nan"))
-    matcher = cv2.BFMatcher(cv2.NORM_L2)
-    forward = [
-        a.queryIdx for a, b in matcher.knnMatch(about_left, about_right, k=2) if a.distance < LOWES_RATIO * b.distance
-    ]
-    best = {m.queryIdx: m.trainIdx for m in matcher.match(about_left, about_right)}
-    back = {m.queryIdx: m.trainIdx for m in matcher.match(about_right, about_left)}
-    pairs = [(i, best[i]) for i in forward if back[best[i]] == i]
-    if len(pairs) < ENOUGH:
-        return PairCheck(matches=len(pairs), vertical_px=float("nan"), behind=float("nan"))
-    at_left = np.array([keys_left[i].pt for i, _ in pairs]) / shrink
-    at_right = np.array([keys_right[j].pt for _, j in pairs]) / shrink
-    return PairCheck(
-        matches=len(pairs),
-        vertical_px=float(np.median(np.abs(at_left[:, 1] - at_right[:, 1]))),
-        behind=float((at_left[:, 0] - at_right[:, 0] - offset_px < 0).mean()),
-    )
+    points_left, points_right = sharpen_matches(left, right, *match_features(left, right))
+    side = max(left.shape[:2])
+    apart = points_left - points_right
+    # The frame's longer side serves as focal length, which only sets how places and disparities are weighed.
+    rows = Rows(vertical=apart[:, 1], disparity=apart[:, 0] - offset_px, at=points_left / side)
+    good = agreeing(rows, side, scale=max(1.0, side / WORKING_SIDE))
+    if not enough(good):
+        return PairCheck(matches=len(apart), vertical_px=float("nan"), behind=float("nan"))
+    kept = Rows(vertical=rows.vertical[good], disparity=rows.disparity[good], at=rows.at[good])
+    return PairCheck(matches=len(apart), vertical_px=float(np.median(np.abs(kept.vertical))), behind=share_behind(kept))
 
 
 def refuse_swapped(check: PairCheck) -> None:

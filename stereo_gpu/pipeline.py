@@ -13,7 +13,6 @@ import numpy as np
 
 from stereo_gpu.advice import find_warnings
 from stereo_gpu.backends import Backend, open_backend
-from stereo_gpu.check import check_rectified, refuse_swapped
 from stereo_gpu.config import MeshOptions
 from stereo_gpu.decimate import decimate
 from stereo_gpu.disparity_range import find_range
@@ -28,6 +27,7 @@ from stereo_gpu.prepare import find_levels, grey_scale
 from stereo_gpu.rectify import DevicePair, check_sizes, download_pair, plan_rectification, rectify_on
 from stereo_gpu.result import Reconstruction
 from stereo_gpu.rig import Rig
+from stereo_gpu.rig_check import RigCheck, check_rig, ideal_rig, refuse_bad
 from stereo_gpu.texture import bake_texture, project
 from stereo_gpu.tiles import match_in_tiles
 from stereo_gpu.timing import Stopwatch
@@ -37,8 +37,8 @@ from stereo_gpu.unwrap import unwrap
 
 STAGES = (
     "read",
-    "rectify",
     "check",
+    "rectify",
     "mask",
     "range",
     "match",
@@ -68,6 +68,7 @@ def reconstruct(
     depth: tuple[float, float] | None = None,
     mesh: MeshOptions | None = None,
     tile: int | None = None,
+    ignore_check: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> Reconstruction:
     """Reconstruct what two calibrated cameras see.
@@ -86,13 +87,15 @@ def reconstruct(
         depth: nearest and farthest depth that is wanted, in the rig's unit.
         mesh: how the mesh is made.
         tile: largest side of the parts that are matched one after another, px; None takes what fits the memory.
+        ignore_check: go on where the rig does not fit the pair: rows over 2 px apart, or swapped pictures. What was
+            found is told as a warning.
         progress: told the name of each stage of STAGES as it begins.
 
     Returns:
         Everything that was computed; `save` writes the files.
 
     Raises:
-        InputError: a picture, the rig or an option is wrong, or the pictures are swapped.
+        InputError: a picture, the rig or an option is wrong, or the rig does not fit the pictures.
         BackendError: the device is missing, too small or fails.
         StageError: nothing was left to make a mesh of.
     """
@@ -105,11 +108,15 @@ def reconstruct(
         check_pair(raw_left, raw_right)
         check_sizes(raw_left, rig)
         job = check_against(job, raw_left)
+    with watch.step("check"):
+        checked = check_rig(raw_left, raw_right, rig)
+        if not ignore_check:
+            refuse_bad(checked)
     with watch.step("rectify"):
         plan = plan_rectification(rig)
         held = rectify_on(device, raw_left, raw_right, rig, plan)
         pair = download_pair(device, held, plan)
-    return _from_rectified(job, device, watch, pair, held, raw_left, raw_right, inputs)
+    return _from_rectified(job, device, watch, pair, held, raw_left, raw_right, inputs, checked)
 
 
 def reconstruct_rectified(
@@ -125,6 +132,7 @@ def reconstruct_rectified(
     depth: tuple[float, float] | None = None,
     mesh: MeshOptions | None = None,
     tile: int | None = None,
+    ignore_check: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> Reconstruction:
     """Reconstruct a pair that is rectified already, such as Middlebury's; see `RectifiedPair.from_geometry`.
@@ -144,7 +152,11 @@ def reconstruct_rectified(
             valid_left=device.upload(pair.valid_left),
             valid_right=device.upload(pair.valid_right),
         )
-    return _from_rectified(job, device, watch, pair, held, pair.left, pair.right, inputs)
+    with watch.step("check"):
+        checked = check_rig(pair.left, pair.right, ideal_rig(pair))
+        if not ignore_check:
+            refuse_bad(checked)
+    return _from_rectified(job, device, watch, pair, held, pair.left, pair.right, inputs, checked)
 
 
 def _from_rectified(
@@ -156,14 +168,12 @@ def _from_rectified(
     raw_left: Picture,
     raw_right: Picture,
     inputs: dict[str, dict[str, str]],
+    checked: RigCheck,
 ) -> Reconstruction:
     """All stages from the rectified pair on; `held` is the same pair on the device."""
     # Of the raw pictures, since rectified ones have black corners.
     levels = find_levels(raw_left), find_levels(raw_right)
     centre = (pair.baseline if job.view is View.RIGHT else 0.0, 0.0, 0.0)
-    with watch.step("check"):
-        checked = check_rectified(pair.left, pair.right, offset_px=pair.cx_left - pair.cx_right)
-        refuse_swapped(checked)
     with watch.step("mask"):
         picture, valid, other_valid = pair.left, pair.valid_left, pair.valid_right
         if job.view is View.RIGHT:

@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 
 from stereo_gpu import export, figures
-from stereo_gpu.check import PairCheck
+from stereo_gpu.check_figure import draw_check
 from stereo_gpu.files import whole_folder, write_whole
 from stereo_gpu.images import write_png
 from stereo_gpu.prepare import grey_scale
 from stereo_gpu.render import Shading, render, render_points
 from stereo_gpu.report import Figure, write_report
+from stereo_gpu.rig_check import RigCheck
 from stereo_gpu.types import Bytes, Disparity, Floats, Mesh, Picture, RectifiedPair, Surface, Validity, View
 
 # From the front every model looks like the photograph; a little from the side its depth can be judged.
@@ -39,7 +40,7 @@ class Reconstruction:
         mesh: the textured mesh.
         inputs: name and sha256 of each picture.
         options: every option as used.
-        checked: what matched features tell of the rectified pair.
+        checked: what matched features tell of the rig and the pair.
         seconds: wall time of each stage.
         warnings: what a person should know, one sentence each.
     """
@@ -55,7 +56,7 @@ class Reconstruction:
     mesh: Mesh
     inputs: dict[str, dict[str, str]]
     options: dict[str, Any]
-    checked: PairCheck
+    checked: RigCheck
     seconds: dict[str, float]
     warnings: list[str]
 
@@ -124,6 +125,7 @@ class Reconstruction:
             },
             "coverage": self.disparity.coverage,
             "vertical_px": None if math.isnan(self.checked.vertical_px) else self.checked.vertical_px,
+            "check": self.checked.record(),
             "warnings": self.warnings,
         }
 
@@ -135,6 +137,11 @@ class Reconstruction:
                 name="Originals",
                 caption="The two pictures as the cameras took them.",
                 picture=figures.side_by_side(self.raw_left, self.raw_right),
+            ),
+            Figure(
+                name="Check",
+                caption="Where in the left picture the rig puts matched features on different rows, and by how much.",
+                picture=draw_check(self.raw_left, self.checked),
             ),
             Figure(
                 name="Rectified",
@@ -203,7 +210,8 @@ class Reconstruction:
                 "Size": f"{pair.left.shape[1]} x {pair.left.shape[0]} px",
                 "Focal length": f"{pair.focal_px:.2f} px",
                 "Baseline": f"{pair.baseline:.3f} {unit}",
-                "Vertical error": f"{vertical} (median of {self.checked.matches} features)",
+                "Vertical error": f"{vertical} (median of {len(self.checked.vertical)} features)",
+                "Rig": f"{self.checked.verdict}: {self.checked.says}",
             },
             "Result": {
                 "Coverage": f"{record['coverage']:.1%} of the wanted pixels",

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from stereo_gpu.epipolar.consensus import agreeing
+from stereo_gpu.epipolar.consensus import ENOUGH, agreeing, enough
 from stereo_gpu.epipolar.drift import fit_drift
 from stereo_gpu.epipolar.error_map import ErrorMap, map_errors
 from stereo_gpu.epipolar.faults import Fault, explain, share_behind
@@ -22,7 +22,6 @@ from stereo_gpu.rig import Camera, Rig
 from stereo_gpu.types import Doubles, Picture, RectifiedPair
 
 WARN_PX, REFUSE_PX = 0.5, 2.0  # median vertical error
-ENOUGH, ENOUGH_SHARE = 20, 0.25  # matches that agree, below which nothing is concluded
 STRAY_PX, STRAY = 1.0, 6.0  # px, and times the median: farther from what a drift explains lies no true match
 MOST = 1000  # matches that the fault is told from; more add time alone
 SMALL_SHARE = 0.15  # of the frame's cells with features, below which the verdict says that it holds for a part
@@ -117,7 +116,7 @@ def check_rig(left: Picture, right: Picture, rig: Rig) -> RigCheck:
     focal = focal_length(rig)
     rows = find_rows(rays(points_left, rig.left), rays(points_right, rig.right), rig.R, rig.T, focal)
     good = agreeing(rows, focal, scale=max(1.0, max(size) / WORKING_SIDE))
-    if good.sum() < max(ENOUGH, ENOUGH_SHARE * matches):
+    if not enough(good):
         return _unknown(matches, int(good.sum()), size)
     points_left, points_right = points_left[good], points_right[good]
     sides = rays(points_left, rig.left), rays(points_right, rig.right)
@@ -176,6 +175,16 @@ def refuse_bad(checked: RigCheck) -> None:
         InputError: with what is wrong, and the way out.
     """
     if checked.verdict is Verdict.BAD:
+        raise InputError(f"{checked.says}; or go on all the same with --ignore-check (ignore_check=True)")
+
+
+def refuse_swapped(checked: RigCheck) -> None:
+    """Refuse swapped pictures, whatever else is wrong.
+
+    Raises:
+        InputError: with the share of points that would lie behind the cameras.
+    """
+    if checked.swapped:
         raise InputError(checked.says)
 
 

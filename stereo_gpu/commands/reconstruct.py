@@ -27,6 +27,11 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--unwrap", choices=("charts", "view"), default="charts", help="texture coordinates (%(default)s)"
     )
+    parser.add_argument(
+        "--ignore-check",
+        action="store_true",
+        help="go on where the rig does not fit the pair, or the two look swapped",
+    )
     add_backend(parser)
 
 
@@ -60,6 +65,7 @@ def run(options: argparse.Namespace) -> None:
             depth=options.depth,
             mesh=MeshOptions(faces=options.faces, smoothing=options.smoothing, unwrap=options.unwrap),
             tile=options.tile,
+            ignore_check=options.ignore_check,
             progress=progress.step,
         )
         progress.step("save")

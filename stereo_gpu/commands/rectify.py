@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 from pathlib import Path
 
 from stereo_gpu.commands.arguments import add_backend, add_pair, add_rig
@@ -19,23 +20,25 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Rectify a raw pair and write both pictures."""
-    from stereo_gpu.check import check_rectified, refuse_swapped
     from stereo_gpu.files import check_writable, whole_folder
     from stereo_gpu.images import read_image, write_png
     from stereo_gpu.rectify import rectify
+    from stereo_gpu.rig_check import Verdict, check_rig, refuse_swapped
     from stereo_gpu.rig_files.load import load_rig_for
 
     left, right = read_image(options.left), read_image(options.right)
     rig = load_rig_for(options.rig, left)
     check_writable(options.out)
+    checked = check_rig(left, right, rig)
+    refuse_swapped(checked)
     pair = rectify(left, right, rig, backend=options.backend)
-    found = check_rectified(pair.left, pair.right, offset_px=pair.cx_left - pair.cx_right)
-    refuse_swapped(found)
     with whole_folder(options.out) as new:
         for name, picture in (("left", pair.left), ("right", pair.right)):
             write_png(new / f"{name}.png", picture)
-    vertical = "not measured" if math.isnan(found.vertical_px) else f"{found.vertical_px:.2f} px"
+    if checked.verdict is not Verdict.GOOD:
+        print(f"stereo-gpu: warning: {checked.says}", file=sys.stderr)
+    vertical = "not measured" if math.isnan(checked.vertical_px) else f"{checked.vertical_px:.2f} px"
     print(
         f"{options.out}: left.png and right.png, focal length {pair.focal_px:.2f} px, baseline {pair.baseline:.2f}"
-        f" {pair.unit}, vertical error {vertical} (median of {found.matches} features)"
+        f" {pair.unit}, vertical error {vertical} (median of {len(checked.vertical)} features)"
     )

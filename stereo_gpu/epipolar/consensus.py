@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from stereo_gpu.epipolar.rows import Rows
 
 TRIALS = 500  # with 40 % of the matches true, twelve of them have no wrong one
+ENOUGH, ENOUGH_SHARE = 20, 0.25  # matches that agree, below which nothing is concluded
 NEAR_PX = 3.0  # of the smooth vertical error, at WORKING_SIDE or less
 SEED = 0
 
@@ -40,3 +41,8 @@ def agreeing(rows: Rows, focal: float, scale: float = 1.0) -> NDArray[np.bool_]:
     found = np.zeros(len(good), bool)
     found[known[errors[:, best] <= NEAR_PX * scale]] = True
     return found
+
+
+def enough(good: NDArray[np.bool_]) -> bool:
+    """Whether so many of the matches agree that it is no chance; `good` is (N,), as `agreeing` gives it."""
+    return int(good.sum()) >= max(ENOUGH, ENOUGH_SHARE * len(good))

@@ -16,6 +16,7 @@ from stereo_gpu.types import Doubles
 TURN_DEG, MOVE_DEG = 0.5, 0.5
 NOISE_PX = 0.3  # of a match's row, before its own spread is known
 LEAST_NOISE_PX = 0.05
+PITCH, YAW, ROLL, DOWN, FORWARD = ALL = (0, 1, 2, 3, 4)
 _TO_SPREAD = 1.4826  # from the median of absolute values to the standard deviation
 
 
@@ -26,7 +27,7 @@ class Drift:
     Args:
         turn: (3,) degrees, rotation vector in the right camera's frame: about x (pitch), y (yaw) and z (roll).
         move: (2,) degrees by which the right camera's place, seen from the left one, went down and forward.
-        deviations: (5,) degrees, of turn and move.
+        deviations: (5,) degrees, of turn and move; 0 for what was not sought.
     """
 
     turn: Doubles
@@ -51,39 +52,50 @@ def drifted(rig: Rig, drift: Drift) -> Rig:
 
 
 def fit_drift(
-    rays_left: Doubles, rays_right: Doubles, rig: Rig, focal: float, weights: Doubles | None = None
+    rays_left: Doubles,
+    rays_right: Doubles,
+    rig: Rig,
+    focal: float,
+    *,
+    weights: Doubles | None = None,
+    free: tuple[int, ...] = ALL,
 ) -> tuple[Drift, Doubles]:
     """The drift that brings matched rays onto common rows, and the vertical errors (N,) px that it leaves.
 
-    Five numbers are sought, all that rows can tell of two cameras, by robust least squares with a ridge: yaw and the
-    place of the camera barely show in rows where depths are much the same, and then stay near zero.
+    Up to five numbers are sought, all that rows can tell of two cameras, by robust least squares with a ridge.
 
     Args:
         rays_left, rays_right: (N, 2) each, N at least 5, finite.
         rig: as it was calibrated.
         focal: px, the scale of the errors.
         weights: (N,) of each match's error; None for 1.
+        free: which of pitch, yaw, roll, down and forward may differ from 0, by number.
     """
     from scipy.optimize import least_squares
 
     weights = np.ones(len(rays_left)) if weights is None else weights
+    chosen = list(free)
     prior = np.array([TURN_DEG] * 3 + [MOVE_DEG] * 2)
 
     def errors(numbers: Doubles) -> Doubles:
-        return find_rows(rays_left, rays_right, *_moved(rig, numbers), focal).vertical
+        every = np.zeros(5)
+        every[chosen] = numbers
+        return find_rows(rays_left, rays_right, *_moved(rig, every), focal).vertical
 
-    noise, found = NOISE_PX, np.zeros(5)
+    noise, found = NOISE_PX, np.zeros(len(chosen))
     for _ in range(2):
 
         def residuals(numbers: Doubles, noise: float = noise) -> Doubles:
-            return np.concatenate([weights * errors(numbers) / noise, numbers / prior])
+            return np.concatenate([weights * errors(numbers) / noise, numbers / prior[chosen]])
 
-        fit = least_squares(residuals, found, loss="soft_l1", x_scale=prior, max_nfev=50)
+        fit = least_squares(residuals, found, loss="soft_l1", x_scale=prior[chosen], max_nfev=50)
         found = fit.x
         left = errors(found)
         noise = max(LEAST_NOISE_PX, _TO_SPREAD * float(np.median(np.abs(left))))
-    deviations = np.sqrt(np.diag(np.linalg.inv(fit.jac.T @ fit.jac)))
-    return Drift(turn=found[:3], move=found[3:], deviations=deviations), left
+    every, deviations = np.zeros(5), np.zeros(5)
+    every[chosen] = found
+    deviations[chosen] = np.sqrt(np.diag(np.linalg.inv(fit.jac.T @ fit.jac)))
+    return Drift(turn=every[:3], move=every[3:], deviations=deviations), left
 
 
 def _moved(rig: Rig, numbers: Doubles) -> tuple[Doubles, Doubles]:

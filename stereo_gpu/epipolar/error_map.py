@@ -12,7 +12,8 @@ from stereo_gpu.types import Doubles, Floats, Ints
 CELLS = (8, 6)  # columns, rows
 ENOUGH = 3  # matches of a cell
 REACH = 0.8  # cells: standard deviation of the weights of the smooth map
-FAINT = 0.3  # sum of weights below which the map says nothing
+FULL = 10  # matches of a cell that count in full
+FAINT = 0.08  # weight below which the map says nothing: a little over a cell from the next value
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -36,16 +37,20 @@ class ErrorMap:
 def map_errors(points_left: Doubles, vertical: Doubles, size: tuple[int, int]) -> ErrorMap:
     """Medians of the vertical errors (N,) px at (N, 2) px places of a picture of `size`, width and height."""
     columns, rows = CELLS
-    places = ((points_left + 0.5) / size * CELLS).astype(int)
-    column, row = np.clip(places[:, 0], 0, columns - 1), np.clip(places[:, 1], 0, rows - 1)
-    values = np.full((rows, columns), np.nan)
-    counts = np.zeros((rows, columns), np.int32)
-    for at in {*zip(row.tolist(), column.tolist(), strict=True)}:
-        inside = (row == at[0]) & (column == at[1])
-        counts[at] = inside.sum()
-        if counts[at] >= ENOUGH:
-            values[at] = np.median(vertical[inside])
-    return ErrorMap(values=values, counts=counts)
+    cells = cells_of(points_left, size)
+    counts = np.bincount(cells, minlength=columns * rows).astype(np.int32)
+    values = np.full(columns * rows, np.nan)
+    for cell in np.flatnonzero(counts >= ENOUGH):
+        values[cell] = np.median(vertical[cells == cell])
+    return ErrorMap(values=values.reshape(rows, columns), counts=counts.reshape(rows, columns))
+
+
+def cells_of(points: Doubles, size: tuple[int, int]) -> Ints:
+    """(N,) number of the cell, row by row, of (N, 2) px places in a picture of `size`, width and height."""
+    columns, rows = CELLS
+    places = ((points + 0.5) / size * CELLS).astype(np.int32)
+    cells: Ints = np.clip(places[:, 1], 0, rows - 1) * columns + np.clip(places[:, 0], 0, columns - 1)
+    return cells
 
 
 def smooth(cells: ErrorMap, size: tuple[int, int]) -> Floats:
@@ -53,7 +58,7 @@ def smooth(cells: ErrorMap, size: tuple[int, int]) -> Floats:
     known = np.isfinite(cells.values)
     # Zeros around the frame, so that its border is no mirror.
     edge = 3
-    weight = np.pad(known * np.sqrt(np.minimum(cells.counts, 10)), edge)
+    weight = np.pad(known * np.sqrt(np.minimum(cells.counts / FULL, 1.0)), edge)
     total = cv2.GaussianBlur(weight * np.pad(np.nan_to_num(cells.values), edge), (0, 0), REACH)
     weights = cv2.GaussianBlur(weight, (0, 0), REACH)
     inner = np.s_[edge:-edge, edge:-edge]

@@ -16,6 +16,7 @@ from stereo_gpu.types import Doubles
 BEHIND = 0.8  # share of the matches behind the cameras from which on the pictures look swapped
 BEHIND_PX = 1.0
 EXPLAINED_PX, EXPLAINED = 0.25, 1.5  # a simple fault leaves no more than this, or than so many times a drift's rest
+MOST_OF_IT = 0.1  # or this share of the error, if no large turn would be needed
 WORTH_PX, WORTH = 0.1, 0.6  # a fault is named if it takes away so much of the error, and to this share of it
 FAR_DEG = 1.0  # cameras that turned by more cannot be told from others
 UNEXPLAINED_PX = 0.5
@@ -80,9 +81,12 @@ def explain(points_left: Doubles, points_right: Doubles, rig: Rig) -> Explanatio
             rest=rest,
         )
     enough = max(EXPLAINED_PX, EXPLAINED * least)
+    if drift.turn_deg <= FAR_DEG:
+        # A calibration that was not perfect before leaves more.
+        enough = max(enough, MOST_OF_IT * error)
     simple = [fitted for fitted in _simple(points_left, points_right, rig, focal) if _median(fitted.rest) <= enough]
     if simple:
-        return min(simple, key=lambda fitted: float(np.minimum(np.abs(fitted.rest), 1.0).sum()))
+        return min(simple, key=lambda fitted: float(np.fmin(np.abs(fitted.rest), 1.0).sum()))
     return _moved(drift, rest)
 
 
@@ -145,7 +149,6 @@ def _simple(points_left: Doubles, points_right: Doubles, rig: Rig, focal: float)
 
 def _moved(drift: Drift, rest: Doubles) -> Explanation:
     """A drift, or one so large that the rig must be another's."""
-    pitch, yaw, roll = drift.turn
     if drift.turn_deg > FAR_DEG or _median(rest) > UNEXPLAINED_PX:
         return Explanation(
             fault=Fault.OTHER_RIG,
@@ -157,8 +160,7 @@ def _moved(drift: Drift, rest: Doubles) -> Explanation:
     return Explanation(
         fault=Fault.MOVED,
         amount=drift.turn_deg,
-        says=f"a camera moved since the calibration: the right one turned by {drift.turn_deg:.2f} degrees against the"
-        f" left one (pitch {pitch:+.2f}, yaw {yaw:+.2f}, roll {roll:+.2f})",
+        says=f"a camera moved since the calibration, by about {drift.turn_deg:.1f} degrees",
         mend="correct it with `stereo-gpu check --refine`, or calibrate again",
         rest=rest,
     )
@@ -205,4 +207,5 @@ def _fit(errors: Callable[[float], Doubles], unit: float) -> tuple[float, Double
 
 
 def _median(errors: Doubles) -> float:
-    return float(np.median(np.abs(errors)))
+    """Median error; points that a changed picture or the other lens puts outside of its model count as far off."""
+    return float(np.median(np.nan_to_num(np.abs(errors), nan=np.inf)))

@@ -53,12 +53,20 @@ def rays(points: Doubles, camera: Camera) -> Doubles:
 
 
 def rectifying_rotations(rotation: Doubles, translation: Doubles) -> tuple[Doubles, Doubles]:
-    """The two rotations (3, 3), raw camera frame to rectified one, of cv2.stereoRectify (Bouguet's method)."""
-    ideal = np.eye(3)
-    left, right = cv2.stereoRectify(
-        ideal, None, ideal, None, (640, 480), rotation, translation.reshape(3, 1), flags=cv2.CALIB_ZERO_DISPARITY
-    )[:2]
-    return left, right
+    """The two rotations (3, 3), raw camera frame to rectified one, by Bouguet's method, as cv2.stereoRectify's.
+
+    Each camera turns by half of the rotation between them, then both turn so that T lies along x. Not by OpenCV, which
+    takes an angle below 1e-5 for none: a fit would see no slope there.
+    """
+    from scipy.spatial.transform import Rotation
+
+    half = Rotation.from_rotvec(-Rotation.from_matrix(rotation.copy()).as_rotvec() / 2)
+    along = half.apply(translation.copy())  # SciPy takes no read-only arrays
+    axis = np.array([np.copysign(1.0, along[0]), 0.0, 0.0])
+    turn = np.cross(along, axis)
+    sine = float(np.linalg.norm(turn))
+    level = Rotation.from_rotvec(turn / sine * np.arctan2(sine, abs(along[0])) if sine > 0 else np.zeros(3))
+    return (level * half.inv()).as_matrix(), (level * half).as_matrix()
 
 
 def find_rows(rays_left: Doubles, rays_right: Doubles, rotation: Doubles, translation: Doubles, focal: float) -> Rows:
