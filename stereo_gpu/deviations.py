@@ -34,7 +34,7 @@ class CameraDeviations:
     def __post_init__(self) -> None:
         for name in ("fx", "fy", "cx", "cy"):
             object.__setattr__(self, name, float(_deviations(name, getattr(self, name), ())))
-        shape = np.shape(self.distortion)
+        shape = count_shape(self.distortion)
         if len(shape) != 1 or not 0 < shape[0] <= len(COEFFICIENT_NAMES):
             raise InputError(f"distortion has shape {shape}: give one deviation for each coefficient of the lens")
         object.__setattr__(self, "distortion", _deviations("distortion", self.distortion, shape))
@@ -83,6 +83,14 @@ class Deviations:
             camera = _fields(f"deviations.{name}", part[name], ("fx", "fy", "cx", "cy", "distortion"))
             cameras[name] = CameraDeviations(**camera)
         return cls(**cameras, om=part["om"], T=part["T"])
+
+
+def count_shape(value: object) -> tuple[int, ...]:
+    """The shape of an array or of nested lists; (0,) where the rows of those are of unequal length."""
+    try:
+        return np.shape(value)  # type: ignore[arg-type]
+    except ValueError:
+        return (0,)
 
 
 def _camera_json(camera: CameraDeviations) -> dict[str, Any]:

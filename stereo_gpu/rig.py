@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from stereo_gpu.deviations import Deviations
+from stereo_gpu.deviations import Deviations, count_shape
 from stereo_gpu.errors import InputError
 from stereo_gpu.files import write_whole
 from stereo_gpu.types import Doubles
@@ -46,7 +46,7 @@ class Camera:
 
     def __post_init__(self) -> None:
         matrix = _array("matrix", self.matrix, (3, 3))
-        shape = np.shape(self.distortion)
+        shape = count_shape(self.distortion)
         if len(shape) != 1 or shape[0] not in DISTORTION_COUNTS:
             raise InputError(f"distortion has shape {shape}: give 5, 8 or 12 numbers in OpenCV's order")
         distortion = _array("distortion", self.distortion, shape)

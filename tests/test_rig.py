@@ -73,6 +73,7 @@ NONSENSE = [
     (("right", "matrix", 0, 1), 2, "skew"),
     (("left", "distortion"), [0.1] * 4, "5, 8 or 12"),
     (("left", "distortion"), None, "5, 8 or 12"),
+    (("left", "distortion"), [0.1, [0.2], 0, 0, 0], "5, 8 or 12"),
     (("left", "distortion", 2), None, r"left\.distortion has"),
     (("left", "size"), [0, 480], "size is"),
     (("left", "size"), [640.5, 480], "size is"),

@@ -437,11 +437,11 @@ TOOLBOX_NONSENSE = [
     ({"fc_left": np.array([0.0, 500])}, "focal length fx = 0"),
     ({"fc_left": np.array([np.nan, 500])}, "fc_left has a value of nan"),
     ({"fc_left": np.arange(3.0)}, "fc_left has 1 x 3 numbers"),
-    ({"fc_left": "text"}, "fc_left is a .* char"),
-    ({"fc_left": {"a": 1}}, "fc_left is a .* struct"),
-    ({"fc_left": np.array([1, "a"], dtype=object)}, "fc_left is a .* cell"),
-    ({"fc_left": np.array([1 + 1j, 2])}, "fc_left cannot be read"),
-    ({"fc_left": np.zeros((2, 0))}, "fc_left is a 2 x 0"),
+    ({"fc_left": "text"}, "fc_left is a text"),
+    ({"fc_left": {"a": 1}}, "fc_left is a struct"),
+    ({"fc_left": np.array([1, "a"], dtype=object)}, "fc_left is a cell"),
+    ({"fc_left": np.array([1 + 1j, 2])}, "fc_left is a complex matrix"),
+    ({"fc_left": np.zeros((2, 0))}, "fc_left has 2 x 0 numbers"),
     ({"T": np.zeros(3)}, "cameras stand at one point"),
     ({"om": np.full(3, 50.0)}, "om is .*: a rotation vector"),
     ({"om": np.array([0.5, 0, 0])}, "R is another rotation than om"),
@@ -487,7 +487,7 @@ def test_a_toolboxs_file_that_inflates_to_gigabytes(tmp_path, toolbox):
     assert same(sg.load_rig(path), make_rig())  # it is passed over
     small = zlib.compress(element({"x": np.zeros(8000)}))
     many = ((15).to_bytes(4, "little") + len(small).to_bytes(4, "little") + small) * 600
-    refused("inflates to more than 32 MiB", put(tmp_path, "a.mat", whole + many))
+    refused("holds more than 32 MiB", put(tmp_path, "a.mat", whole + many))
     # A variable that claims 2 GB in a file of some bytes.
     place = whole.index(b"fc_left") + 8
     refused("damaged", put(tmp_path, "a.mat", whole[: place + 4] + b"\xf0\xff\xff\x7f" + whole[place + 8 :]))
