@@ -27,7 +27,8 @@ def write_whole(path: str | os.PathLike[str], content: bytes | str) -> Path:
         raise InputError(f"{path} is a folder: name a file in it")
     if not target.parent.is_dir():
         raise InputError(f"cannot write {path}: there is no folder {path.parent}; make it first")
-    data = content.encode() if isinstance(content, str) else content
+    # A file's name may hold bytes that are no UTF-8; what tells of it shows them as \udcff rather than failing.
+    data = content.encode(errors="backslashreplace") if isinstance(content, str) else content
     # Not tempfile: it would leave the file readable by its owner alone, whatever the umask says.
     temporary = target.parent / f".{target.name[:100]}.{secrets.token_hex(6)}.part"
     try:

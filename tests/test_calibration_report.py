@@ -2,6 +2,7 @@ import math
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 
 import boards
 import cv2
@@ -146,13 +147,26 @@ def test_nothing_from_outside_becomes_markup(tmp_path):
     assert page.text.count(EVIL) >= 8 * 2 + 1
 
 
+def test_a_name_that_is_no_text_is_shown_as_what_it_is(tmp_path):
+    page, _ = write(tmp_path, make(names=[("left\udcff.png", "right.png")] * 8))
+    assert "left\\udcff.png" in page.text
+
+
+def test_cameras_without_a_lens_error_are_drawn(tmp_path):
+    rig = make().rig
+    flat = Camera(rig.left.matrix, np.zeros(5), rig.left.size)
+    page, _ = write(tmp_path, make(rig=replace(rig, left=flat, right=flat)))
+    assert "Moved by up to 0 px" in page.text
+    assert all(math.isfinite(number) for number in drawn_numbers(page))
+
+
 def test_a_shown_arrow_is_the_residual(tmp_path):
     calibration = make(count=3, noise=0.0)
     off = np.zeros_like(calibration.views[1].seen[0])
     off[10] = 0.6, -0.3
     view = calibration.views[1]
     seen = (view.projected[0] + off, view.projected[1])
-    shown = CalibrationView(**{**vars(view), "seen": seen})
+    shown = replace(view, seen=seen)
     calibration = make(count=3, noise=0.0, views=(calibration.views[0], shown, calibration.views[2]))
     drawn, told = draw_views(calibration)
     factor = float(re.search(r"drawn (\S+) times", told)[1])
@@ -301,7 +315,7 @@ def test_parts_of_a_board_are_known_by_their_ids(tmp_path):
     for view in make().views:
         ids = np.arange(4, 40, dtype=np.int32)
         part = [tuple(corners[ids] for corners in both) for both in (view.seen, view.projected)]
-        views.append(CalibrationView(**{**vars(view), "seen": part[0], "projected": part[1], "ids": (ids, ids)}))
+        views.append(replace(view, seen=part[0], projected=part[1], ids=(ids, ids)))
     page, _ = write(tmp_path, make(views=tuple(views), board=CharucoBoard(9, 7, 30.0, 22.0)))
     assert "288 corners" in page.text
     assert "markers of 5x5_250" in page.text

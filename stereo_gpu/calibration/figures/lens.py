@@ -58,7 +58,8 @@ def draw_radial(cameras: tuple[Camera, Camera], residuals: tuple[Residuals, Resi
     reach = max(float(radius[-1]) for radius, _, _ in curves)
     low = min(0.0, *(float(off.min()) for _, off, _ in curves))
     high = max(0.0, *(float(off.max()) for _, off, _ in curves))
-    step = round_number(max(high - low, 0.1) / 5)
+    high = max(high, low + 0.1)
+    step = round_number((high - low) / 5)
     plot = Plot(x=(0, reach), y=(step * np.floor(low / step), step * np.ceil(high / step)), size=(WIDTH, 0.75 * WIDTH))
     parts = plot.axes("distance from the principal point without a lens, px", "moved outwards, px")
     for number, side in enumerate(("left", "right")):
