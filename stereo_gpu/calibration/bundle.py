@@ -153,6 +153,8 @@ def linearise(bundle: Bundle, corners: tuple[Corners, Corners]) -> Normal:
         0.0,
     )
     for side, ours in enumerate(corners):
+        if not len(ours.seen):  # one camera by itself
+            continue
         pixels, by_shared, by_pose = jacobian(bundle, ours, side)
         off = pixels - ours.seen
         normal.squares += float((off**2).sum())

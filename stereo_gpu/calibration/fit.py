@@ -14,6 +14,7 @@ from stereo_gpu.calibration.mismatch import explain_mismatch, moved
 from stereo_gpu.calibration.movement import SURE_SHARE, Move, find_move, find_split
 from stereo_gpu.calibration.outliers import drop, drop_outliers, used_pairs
 from stereo_gpu.calibration.pairing import propose
+from stereo_gpu.calibration.undetermined import missing_tilts
 from stereo_gpu.errors import CalibrationError
 from stereo_gpu.types import Doubles
 
@@ -71,7 +72,7 @@ def fit_pairs(found: list[BoardPair], sizes: list[tuple[int, int]], board: Board
     """
     pairs = [replace(pair, views=list(pair.views)) for pair in found]
     lenses = calibrate_lenses(pairs, sizes, board, coefficients)
-    bundle = _stand(pairs, lenses, board, sizes[1][0])
+    bundle = _stand(pairs, lenses, board, sizes)
     first = True
     while True:
         used = used_pairs(pairs)
@@ -85,7 +86,7 @@ def fit_pairs(found: list[BoardPair], sizes: list[tuple[int, int]], board: Board
             raise CalibrationError(moved(pairs, move.first, f" by {move.degrees:.2f} degrees against each other"))
         distances = both_distances(bundle, corners)
         if first:
-            _refuse_strangers(pairs, lenses, distances, board, sizes[1][0])
+            _refuse_strangers(pairs, lenses, distances, board, sizes)
         first = False
         if not drop_outliers(used, distances, "left and right do not fit together"):
             return Fit(pairs=pairs, bundle=bundle, corners=corners, normal=normal, move=move)
@@ -106,17 +107,16 @@ def both_distances(bundle: Bundle, corners: tuple[Corners, Corners]) -> list[Dou
     return [np.concatenate(pair) for pair in zip(*view_distances(bundle, corners), strict=True)]
 
 
-def _stand(pairs: list[BoardPair], lenses: tuple[Lens, Lens], board: Board, width: int) -> Bundle:
+def _stand(pairs: list[BoardPair], lenses: tuple[Lens, Lens], board: Board, sizes: list[tuple[int, int]]) -> Bundle:
     """Settle which end of the board is which, leave out pairs that do not belong together; where to start."""
     used = used_pairs(pairs)
     left, right = lenses
     proposals = propose(left.views, right.views, board, right.matrix, right.distortion)
     agreement = proposals.agreement()
     errors, typical = agreement.errors_px, float(np.median(agreement.errors_px))
+    width = sizes[1][0]
     if not typical <= CARRIED_LIMIT * width:
-        raise CalibrationError(
-            explain_mismatch(pairs, lenses, board, width, CARRIED_LIMIT * width) or _strangers(typical)
-        )
+        raise _strangers(pairs, lenses, board, sizes, typical)
     limit = max(CARRIED_FACTOR * typical, CARRIED_LIMIT / 4 * width)
     bad = np.flatnonzero(errors > limit).tolist()
     if len(bad) > 1 and (split := find_split(proposals)) is not None:
@@ -135,21 +135,31 @@ def _stand(pairs: list[BoardPair], lenses: tuple[Lens, Lens], board: Board, widt
 
 
 def _refuse_strangers(
-    pairs: list[BoardPair], lenses: tuple[Lens, Lens], distances: list[Doubles], board: Board, width: int
+    pairs: list[BoardPair],
+    lenses: tuple[Lens, Lens],
+    distances: list[Doubles],
+    board: Board,
+    sizes: list[tuple[int, int]],
 ) -> None:
     """Refuse pairs of which most fit each camera, but not both together."""
     together = float(np.median([np.sqrt((off**2).mean()) for off in distances]))
-    alone = max(lens.rms_px for lens in lenses)
-    if together <= max(TOGETHER_FLOOR_PX, TOGETHER_FACTOR * alone):
-        return
+    if together > max(TOGETHER_FLOOR_PX, TOGETHER_FACTOR * max(lens.rms_px for lens in lenses)):
+        raise _strangers(pairs, lenses, board, sizes, together)
+
+
+def _strangers(
+    pairs: list[BoardPair], lenses: tuple[Lens, Lens], board: Board, sizes: list[tuple[int, int]], off_px: float
+) -> CalibrationError:
+    """That the pairs do not belong together, and why, where it can be told."""
+    width = sizes[1][0]
     told = None
-    if len(lenses[0].views) == len(distances):
+    if len(lenses[0].views) == len(used_pairs(pairs)):
         told = explain_mismatch(pairs, lenses, board, width, CARRIED_LIMIT * width)
-    raise CalibrationError(told or _strangers(together))
-
-
-def _strangers(off_px: float) -> str:
-    return (
-        f"the pairs do not agree on one rig (typically {off_px:.3g} px off): give left and right pictures in the same"
-        " order, take both at the same moment, and leave the cameras where they are between pairs"
-    )
+    if told is None:
+        tilts = missing_tilts([view.seen for view in lenses[0].views], sizes[0], board)
+        also = f"; or tilt the board more, since {' and '.join(tilts)}" if tilts else ""
+        told = (
+            f"the pairs do not agree on one rig (typically {off_px:.3g} px off): give left and right pictures in the"
+            " same order, take both at the same moment, and leave the cameras where they are between pairs" + also
+        )
+    return CalibrationError(told)

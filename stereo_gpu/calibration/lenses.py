@@ -9,8 +9,10 @@ import numpy as np
 
 from stereo_gpu.calibration.board import Board, BoardView
 from stereo_gpu.calibration.board_pairs import BoardPair
+from stereo_gpu.calibration.bundle import Corners
 from stereo_gpu.calibration.outliers import drop_outliers, used_pairs
 from stereo_gpu.calibration.pairing import LensView
+from stereo_gpu.calibration.uncertainty import focal_share
 from stereo_gpu.calibration.undetermined import UNDETERMINED_ALONE, undetermined
 from stereo_gpu.errors import CalibrationError
 from stereo_gpu.types import Doubles
@@ -68,7 +70,7 @@ def _calibrate_lens(pairs: list[BoardPair], side: int, size: tuple[int, int], bo
         seen = seen_by(used, side)
         points = [board.points[view.ids] for view in seen]
         try:
-            rms, matrix, distortion, turns, shifts, deviations, _, _ = cv2.calibrateCameraExtended(
+            rms, matrix, distortion, turns, shifts = cv2.calibrateCamera(
                 points,
                 [view.corners for view in seen],
                 size,
@@ -81,22 +83,30 @@ def _calibrate_lens(pairs: list[BoardPair], side: int, size: tuple[int, int], bo
             raise CalibrationError(f"{SIDES[side]} camera: {degenerate(error)}") from error
         if not (np.isfinite(matrix).all() and np.isfinite(distortion).all() and np.isfinite(rms)):
             raise CalibrationError(f"{SIDES[side]} camera: {degenerate(None)}")
+        views = [
+            LensView(seen=view, rotation=cv2.Rodrigues(turn)[0], translation=shift.reshape(3))
+            for view, turn, shift in zip(seen, turns, shifts, strict=True)
+        ]
+        lens = Lens(matrix, distortion.reshape(-1)[:coefficients].copy(), views, float(rms))
+        # Before anything is left out: with parallel boards, poses are as wrong as the focal length.
+        _refuse_undetermined(lens, side, size, board)
         distances = [
             np.linalg.norm(
                 cv2.projectPoints(on_board, turn, shift, matrix, distortion)[0].reshape(-1, 2) - view.corners, axis=1
             )
             for on_board, turn, shift, view in zip(points, turns, shifts, seen, strict=True)
         ]
-        # With parallel boards the cameras' poses are as wrong as the focal length, and pairs would seem not to agree.
-        share = float(np.max(np.asarray(deviations).reshape(-1)[:2] / matrix[[0, 1], [0, 1]]))
-        if not 0 <= share <= UNDETERMINED_ALONE:
-            raise undetermined(SIDES[side], float(matrix[0, 0]), share, seen, size, board)
         if not drop_outliers(used, distances, f"does not fit the {SIDES[side]} camera"):
-            views = [
-                LensView(seen=view, rotation=cv2.Rodrigues(turn)[0], translation=shift.reshape(3))
-                for view, turn, shift in zip(seen, turns, shifts, strict=True)
-            ]
-            return Lens(matrix, distortion.reshape(-1)[:coefficients].copy(), views, float(rms))
+            return lens
+
+
+def _refuse_undetermined(lens: Lens, side: int, size: tuple[int, int], board: Board) -> None:
+    seen = [view.seen for view in lens.views]
+    rotations = np.stack([view.rotation for view in lens.views])
+    translations = np.stack([view.translation for view in lens.views])
+    share = focal_share(lens.numbers, rotations, translations, Corners.of(seen, board))
+    if not 0 <= share <= UNDETERMINED_ALONE:
+        raise undetermined(SIDES[side], float(lens.matrix[0, 0]), share, seen, size, board)
 
 
 def degenerate(error: cv2.error | None) -> str:

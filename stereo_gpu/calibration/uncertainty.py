@@ -20,6 +20,7 @@ from stereo_gpu.calibration.bundle import (
     Normal,
     jacobian,
     lens_matrix,
+    linearise,
     project,
     scaled_inverse,
 )
@@ -43,6 +44,25 @@ def shared_covariance(bundle: Bundle, normal: Normal, corners: int) -> Doubles:
     """
     information, _ = normal.reduced()
     return corner_variance(bundle, normal, corners) * scaled_inverse(information.sum(axis=0))
+
+
+def focal_share(lens: Doubles, rotations: Doubles, translations: Doubles, corners: Corners) -> float:
+    """Deviation of one camera's focal length, as a share of it, from its own views alone.
+
+    Not from `cv2.calibrateCameraExtended`, which calls a focal length certain that nothing determines.
+
+    Args:
+        lens: (4 + n,) of the camera.
+        rotations, translations: (views, 3, 3) and (views, 3), board to camera frame.
+        corners: what it saw.
+    """
+    nothing = Corners(corners.view[:0], corners.points[:0], corners.seen[:0])
+    alone = Bundle((lens, lens), np.eye(3), np.zeros(3), rotations, translations)
+    normal = linearise(alone, (corners, nothing))
+    information = normal.reduced()[0].sum(axis=0)[: len(lens), : len(lens)]
+    free = 2 * len(corners.seen) - len(lens) - POSE * len(rotations)
+    covariance = normal.squares / max(1, free) * scaled_inverse(information)
+    return float(np.sqrt(np.diag(covariance)[:2] / lens[:2] ** 2).max())
 
 
 def find_deviations(bundle: Bundle, covariance: Doubles) -> Deviations:

@@ -25,13 +25,18 @@ def undetermined(
         size: of its pictures, px.
         board: what they show.
     """
-    coverage = Coverage(size, board)
-    for view in views:
-        coverage.add(view)
-    tilts = [lack for lack in coverage.missing() if "tilt" in lack]
+    tilts = missing_tilts(views, size, board)
     why = f" ({'; '.join(tilts)})" if tilts else ""
     told = f"a deviation of {share:.0%}" if share < 1 else "a deviation larger than itself"
     return CalibrationError(
         f"the focal length of the {side} camera is not determined: {focal_px:.0f} px with {told}{why}; take more pairs,"
         " with the board tilted by 30 degrees to the left, right, top and bottom"
     )
+
+
+def missing_tilts(views: Iterable[BoardView], size: tuple[int, int], board: Board) -> list[str]:
+    """In which directions no view shows the board tilted, in words."""
+    coverage = Coverage(size, board)
+    for view in views:
+        coverage.add(view)
+    return [lack for lack in coverage.missing() if "tilt" in lack]

@@ -1,11 +1,14 @@
-"""Find the geometry of two cameras from pictures of a checkerboard."""
+"""Find the geometry of two cameras from pictures of a board."""
 
 from __future__ import annotations
 
 import argparse
+import re
 from pathlib import Path
 
+from stereo_gpu.commands.arguments import add_board, read_board
 from stereo_gpu.commands.pictures import split_pictures
+from stereo_gpu.errors import InputError
 from stereo_gpu.progress import Progress
 
 
@@ -17,24 +20,43 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="LEFT... RIGHT...",
         help="all left pictures and then all right ones; or two folders; or two quoted patterns",
     )
-    parser.add_argument("--board", required=True, metavar="10x7", help="squares of the board, columns x rows")
-    parser.add_argument("--square", type=float, required=True, help="side of a square, mm")
-    parser.add_argument("--coefficients", type=int, choices=(5, 8, 12), default=5, help="of the lens model")
+    add_board(parser)
+    parser.add_argument(
+        "--coefficients",
+        type=_coefficients,
+        default="auto",
+        metavar="5|8|12|auto",
+        help="of the lens model; auto: the fewest that predict views left out as well as any number does (%(default)s)",
+    )
+    parser.add_argument("--pairs", type=_pairs, metavar="FIRST-LAST", help="use these pairs alone, counted from 1")
     parser.add_argument("--out", type=Path, required=True, metavar="rig.json", help="the file to write")
+    parser.add_argument("--report", type=Path, metavar="rig.html", help="page to write; by default beside the rig")
+    parser.add_argument("--no-report", action="store_true", help="write no page")
 
 
 def run(options: argparse.Namespace) -> None:
-    """Calibrate two cameras and write the rig."""
-    from stereo_gpu.calibrate import calibrate
-    from stereo_gpu.calibration.board import Board
+    """Calibrate two cameras, write the rig and the report, and print what is certain and what is not."""
+    from stereo_gpu.calibrate import calibrate_in_full
+    from stereo_gpu.calibration.report import write_calibration_report
+    from stereo_gpu.calibration.table import calibration_table
     from stereo_gpu.files import check_writable_file
 
-    board = Board.parse(options.board, options.square)
-    left, right = split_pictures(options.pictures)
-    check_writable_file(options.out)
+    board = read_board(options)
+    left, right = _chosen(options.pairs, *split_pictures(options.pictures))
+    report = None if options.no_report else options.report or options.out.with_suffix(".html")
+    if report == options.out:
+        raise InputError(f"{report} cannot be both the rig and its report: name another file with --report")
+    for path in (options.out, report):
+        if path is not None:
+            check_writable_file(path)
     with Progress() as progress:
-        rig = calibrate(left, right, board, coefficients=options.coefficients, progress=progress.searched)
+        calibration = calibrate_in_full(
+            left, right, board, coefficients=options.coefficients, progress=progress.searched
+        )
+    rig = calibration.rig
     rig.save(options.out)
+    if report is not None:
+        write_calibration_report(calibration, report)
     for view in rig.views:
         if not view.used:
             print(f"left out {view.left}, {view.right}: {view.reason}")
@@ -43,3 +65,31 @@ def run(options: argparse.Namespace) -> None:
         f"{options.out}: {used} of {len(rig.views)} pairs, reprojection error {rig.rms_px:.3f} px,"
         f" epipolar error {rig.epipolar_rms_px:.3f} px, baseline {rig.baseline:.2f} {rig.unit}"
     )
+    for line in (*calibration_table(calibration), *calibration.advice):
+        print(line)
+    if report is not None:
+        print(f"{report}: the same with pictures")
+
+
+def _chosen(pairs: tuple[int, int] | None, left: list[Path], right: list[Path]) -> tuple[list[Path], list[Path]]:
+    if pairs is None:
+        return left, right
+    first, last = pairs
+    if last > min(len(left), len(right)):
+        raise InputError(
+            f"--pairs {first}-{last}: there are {len(left)} left and {len(right)} right pictures; end earlier"
+        )
+    return left[first - 1 : last], right[first - 1 : last]
+
+
+def _pairs(text: str) -> tuple[int, int]:
+    parts = re.fullmatch(r"\s*(\d{1,6})\s*-\s*(\d{1,6})\s*", text, re.ASCII)
+    if parts is None or not 1 <= int(parts[1]) <= int(parts[2]):
+        raise argparse.ArgumentTypeError(f"{text!r:.60}: give the first and the last pair, such as 1-6")
+    return int(parts[1]), int(parts[2])
+
+
+def _coefficients(text: str) -> int | str:
+    if text not in ("5", "8", "12", "auto"):
+        raise argparse.ArgumentTypeError(f"{text!r:.60}: give 5, 8, 12 or auto")
+    return text if text == "auto" else int(text)
