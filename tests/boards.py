@@ -28,8 +28,8 @@ def poses(board, count, seed, turned=0.0):
         yield cv2.Rodrigues(rotation)[0], place - rotation @ middle
 
 
-def render(board, camera, rotation_vector, translation, seed=0):
-    """A noisy grey picture of the board, (H, W) uint8; its edges are as sharp as pixels allow."""
+def places(board, camera, rotation_vector, translation):
+    """Where on the board each pixel looks, (H, W, 2) in squares from the top left corner of its print."""
     matrix, distortion = camera
     width, height = SIZE
     pixels = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(np.float64)
@@ -38,7 +38,12 @@ def render(board, camera, rotation_vector, translation, seed=0):
     # The plane's homography: (x, y, 1) on the board lies on the ray (u, v, 1).
     home = np.linalg.inv(np.column_stack([rotation[:, 0], rotation[:, 1], translation]))
     on_board = np.column_stack([rays, np.ones(len(rays))]) @ home.T
-    place = (on_board[:, :2] / on_board[:, 2:]).reshape(height, width, 2) / board.square + 1  # in squares
+    return (on_board[:, :2] / on_board[:, 2:]).reshape(height, width, 2) / board.square + 1
+
+
+def render(board, camera, rotation_vector, translation, seed=0):
+    """A noisy grey picture of the board, (H, W) uint8; its edges are as sharp as pixels allow."""
+    place = places(board, camera, rotation_vector, translation)
     waves = []
     for along in (place[..., 0], place[..., 1]):
         edge = np.rint(along)
@@ -49,6 +54,19 @@ def render(board, camera, rotation_vector, translation, seed=0):
     value[outside.max(axis=-1) > 0] = 210
     value[outside.max(axis=-1) > 1] = 110
     value += np.random.default_rng(seed).normal(0, 1.5, value.shape)
+    return np.clip(np.rint(value), 0, 255).astype(np.uint8)
+
+
+def photograph(drawn, board, camera, rotation_vector, translation, seed=0):
+    """A noisy grey picture of a drawing of the board, whose edges are those of its outer squares."""
+    place = places(board, camera, rotation_vector, translation)
+    fine = cv2.resize(place, None, fx=4, fy=4, interpolation=cv2.INTER_LINEAR)
+    dots = (fine * (drawn.shape[1] / board.columns, drawn.shape[0] / board.rows) - 0.5).astype(np.float32)
+    seen = cv2.remap(
+        drawn, dots[..., 0], dots[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=255
+    )
+    seen = cv2.resize(seen, SIZE, interpolation=cv2.INTER_AREA)
+    value = 40 + seen * (170 / 255) + np.random.default_rng(seed).normal(0, 1.5, seen.shape)
     return np.clip(np.rint(value), 0, 255).astype(np.uint8)
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stereo_gpu.calibration.checkerboard import FEWEST_SQUARES, find_checkerboard, shrunk, survey_checkerboard
+from stereo_gpu.calibration.checkerboard import FEWEST_SQUARES, find_checkerboard, survey_checkerboard
 from stereo_gpu.calibration.hints import Hint
 from stereo_gpu.calibration.marker_hints import hint_unexpected_markers
 from stereo_gpu.errors import InputError
@@ -142,7 +142,7 @@ class Board:
         # The finder finds a part of a board, too, but not the same part in both cameras.
         if view is not None and (size is None or size[0] < given[0] or size[1] < given[1]):
             return None
-        if view is None and (marked := hint_unexpected_markers(shrunk(grey(picture)))) is not None:
+        if view is None and (marked := hint_unexpected_markers(grey(picture))) is not None:
             return marked
         if size is None or size == given:
             return None

@@ -111,7 +111,7 @@ class CharucoBoard(Board):
     def hint(self, picture: Picture, view: BoardView | None) -> Hint | None:
         """Say in words which other board the picture shows, and what to do; None where it seems to be this one."""
         return hint_charuco(
-            shrunk(grey(picture)), self.columns, self.rows, self.marker / self.square, self.dictionary, view is not None
+            grey(picture), self.columns, self.rows, self.marker / self.square, self.dictionary, view is not None
         )
 
     def _look(self, flat: Bytes, copy: Bytes) -> BoardView | None:

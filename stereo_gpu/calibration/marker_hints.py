@@ -6,11 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereo_gpu.calibration.checkerboard import survey_checkerboard
+from stereo_gpu.calibration.checkerboard import shrunk, survey_checkerboard
 from stereo_gpu.calibration.hints import Hint
 from stereo_gpu.calibration.markers import (
     FAMILIES,
     agreeing,
+    diagonal_neighbours,
     dictionary_size,
     find_markers,
     marker_squares,
@@ -20,8 +21,10 @@ from stereo_gpu.types import Bytes
 
 FEWEST_AGREEING = 4  # markers that stand to each other as on a board
 LEAST_SHARE = 0.5  # of the markers found
+CLEAR_SHARE = 0.8  # of twice as many: no other dictionary can be meant
+WORKING_SIDE = 1000  # px: whoever names a wrong board shows it large enough for that
 WIDEST = 40  # squares; boards that are wider are not guessed
-USUAL_RATIO = 0.75  # marker over square, where nothing is known
+WRONG_RATIO = 0.12  # of marker over square, by which what is seen may differ: blur makes small markers smaller
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,6 +36,7 @@ class SeenMarkers:
         columns: squares across.
         legacy: whether the top left square is white.
         last: the largest id.
+        ratio: side of a marker over side of a square.
         agreeing: how many markers stand as on such a board.
     """
 
@@ -40,6 +44,7 @@ class SeenMarkers:
     columns: int
     legacy: bool
     last: int
+    ratio: float
     agreeing: int
 
     @property
@@ -57,27 +62,37 @@ class SeenMarkers:
         return next(name for name in FAMILIES[self.family] if dictionary_size(name) > self.last)
 
 
-def see_markers(flat: Bytes, ratio: float, families: tuple[str, ...] = tuple(FAMILIES)) -> SeenMarkers | None:
+def see_markers(flat: Bytes, families: tuple[str, ...] = tuple(FAMILIES)) -> SeenMarkers | None:
     """Which dictionary's markers a picture shows, and how wide the board is on which they stand as they do.
 
     Args:
         flat: (H, W).
-        ratio: side of a marker over side of a square.
         families: of the dictionaries to try.
     """
+    flat = shrunk(flat, WORKING_SIDE)
     best: SeenMarkers | None = None
     for family in families:
-        found = find_markers(flat, FAMILIES[family][-1])
+        # The longest dictionaries take long to compare with; few boards have more than 250 markers.
+        found = find_markers(flat, FAMILIES[family][-1 if len(families) == 1 else -2 :][0])
         if len(found) < FEWEST_AGREEING:
             continue
-        steps = steps_between(found, ratio)
+        steps = steps_between(found, 1.0)
         last = int(found.ids.max())
         for columns in range(4, WIDEST + 1):
             for legacy in (False, True):
-                rows = 2 * (last // columns + 2)
-                fits = int(agreeing(found, steps, marker_squares(columns, rows, legacy)).sum())
+                squares = marker_squares(columns, 2 * (last // columns + 2), legacy)
+                # In sides of a marker, a diagonal neighbour is as far off as the square is larger.
+                apart = np.abs(steps[diagonal_neighbours(found, squares)])
+                if not apart.size:
+                    continue
+                ratio = 1 / float(np.median(apart))
+                fits = int(agreeing(found, steps * ratio, squares).sum())
                 if fits >= max(FEWEST_AGREEING, LEAST_SHARE * len(found)) and (best is None or fits > best.agreeing):
-                    best = SeenMarkers(family=family, columns=columns, legacy=legacy, last=last, agreeing=fits)
+                    best = SeenMarkers(
+                        family=family, columns=columns, legacy=legacy, last=last, ratio=ratio, agreeing=fits
+                    )
+        if best is not None and best.agreeing >= max(2 * FEWEST_AGREEING, CLEAR_SHARE * len(found)):
+            break
     return best
 
 
@@ -90,11 +105,11 @@ def hint_charuco(flat: Bytes, columns: int, rows: int, ratio: float, dictionary:
         found: whether part of it was found.
     """
     own = next(family for family, members in FAMILIES.items() if dictionary in members)
-    seen = see_markers(flat, ratio, (own,))
+    seen = see_markers(flat, (own,))
     if seen is None and not found:
-        seen = see_markers(flat, ratio)
+        seen = see_markers(flat)
     if seen is None:
-        return None if found else _mirrored(flat, ratio, own) or _plain(flat)
+        return None if found else _mirrored(flat, own) or _plain(flat)
     last = len(marker_squares(columns, rows)) - 1
     size = f"{seen.columns}x{seen.rows}"
     if seen.family != own or seen.last >= dictionary_size(dictionary):
@@ -115,12 +130,19 @@ def hint_charuco(flat: Bytes, columns: int, rows: int, ratio: float, dictionary:
             f"found ids up to {seen.last}, which a {columns}x{rows} board does not have (0 to {last}): say {size}",
             seen.last,
         )
+    if abs(seen.ratio / ratio - 1) > WRONG_RATIO:
+        return Hint(
+            "ratio",
+            f"found markers whose side is {seen.ratio:.2f} of a square's, not {ratio:.2f}: measure both, the marker"
+            " with its black border",
+            seen.agreeing,
+        )
     return None
 
 
 def hint_unexpected_markers(flat: Bytes) -> Hint | None:
     """What a picture shows in which a plain checkerboard was looked for."""
-    seen = see_markers(flat, USUAL_RATIO)
+    seen = see_markers(flat)
     if seen is None:
         return None
     return Hint(
@@ -131,8 +153,8 @@ def hint_unexpected_markers(flat: Bytes) -> Hint | None:
     )
 
 
-def _mirrored(flat: Bytes, ratio: float, family: str) -> Hint | None:
-    if see_markers(np.ascontiguousarray(flat[:, ::-1]), ratio, (family,)) is None:
+def _mirrored(flat: Bytes, family: str) -> Hint | None:
+    if see_markers(np.ascontiguousarray(flat[:, ::-1]), (family,)) is None:
         return None
     return Hint(
         "mirrored", "found it mirrored: turn mirroring off in the camera's settings and take the pictures again"

@@ -6,9 +6,12 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from stereo_gpu.errors import InputError
 from stereo_gpu.types import Bytes, Doubles, Floats, Ints
+
+Bools = NDArray[np.bool_]
 
 FAMILIES = {  # the dictionaries of one line begin with the same markers, the shortest first
     "4x4": ("4x4_50", "4x4_100", "4x4_250", "4x4_1000"),
@@ -40,7 +43,7 @@ class Markers:
     def __len__(self) -> int:
         return len(self.ids)
 
-    def only(self, which: Bytes | Ints) -> Markers:
+    def only(self, which: Bools) -> Markers:
         """Some of them."""
         return Markers(self.outlines[which], self.ids[which])
 
@@ -110,23 +113,31 @@ def steps_between(markers: Markers, ratio: float) -> Doubles:
     return steps
 
 
-def agreeing(markers: Markers, steps: Doubles, squares: Ints) -> Bytes:
-    """(n,) bool: which markers have a diagonal neighbour where the layout has it.
+def agreeing(markers: Markers, steps: Doubles, squares: Ints) -> Bools:
+    """(n,): which markers have a diagonal neighbour where the layout has it.
 
     Args:
         markers: what was found.
         steps: of `steps_between`.
         squares: of `marker_squares`; ids beyond its end never agree.
     """
+    close = np.abs(steps - _layout(markers, squares)).max(axis=-1) < CLOSE
+    fits = diagonal_neighbours(markers, squares) & close
+    return np.asarray(fits.any(axis=1) | fits.any(axis=0))
+
+
+def diagonal_neighbours(markers: Markers, squares: Ints) -> Bools:
+    """(n, n): which markers touch at a corner of their squares in the layout.
+
+    Those in the same row are as far apart in every layout of the same width: only diagonals tell.
+    """
     known = markers.ids < len(squares)
-    places = squares[np.where(known, markers.ids, 0)]
-    layout = places[None] - places[:, None]
-    # Those in the same row are as far apart in every layout of the same width: only diagonals tell.
-    diagonal = (np.abs(layout) == 1).all(axis=-1) & known[:, None] & known
-    close = np.abs(steps - layout).max(axis=-1) < CLOSE
-    fits = diagonal & close
-    result: Bytes = fits.any(axis=1) | fits.any(axis=0)
-    return result
+    return np.asarray((np.abs(_layout(markers, squares)) == 1).all(axis=-1) & known[:, None] & known)
+
+
+def _layout(markers: Markers, squares: Ints) -> Ints:
+    places = squares[np.minimum(markers.ids, len(squares) - 1)]
+    return np.asarray(places[None] - places[:, None])
 
 
 def interpolate(
@@ -136,8 +147,7 @@ def interpolate(
 
     Each lies between two or more markers, whose own outlines place it (`cv2.aruco.CharucoDetector`).
     """
-    board = cv2.aruco.CharucoBoard((columns, rows), 1.0, ratio, _dictionary(dictionary))
-    board.setLegacyPattern(legacy)
+    board = _opencv_board(columns, rows, ratio, dictionary, legacy)
     corners, ids, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(
         flat, markerCorners=[outline[None] for outline in markers.outlines], markerIds=markers.ids.reshape(-1, 1)
     )
@@ -152,6 +162,18 @@ def draw_marker(dictionary: str, number: int) -> Bytes:
     side = known.markerSize + 2
     drawn: Bytes = cv2.aruco.generateImageMarker(known, number, side)
     return drawn
+
+
+def _opencv_board(columns: int, rows: int, ratio: float, dictionary: str, legacy: bool) -> cv2.aruco.CharucoBoard:
+    """OpenCV's own, without its line on stderr about markers close to the edge of their squares."""
+    before = cv2.utils.logging.getLogLevel()
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        board = cv2.aruco.CharucoBoard((columns, rows), 1.0, ratio, _dictionary(dictionary))
+    finally:
+        cv2.utils.logging.setLogLevel(before)
+    board.setLegacyPattern(legacy)
+    return board
 
 
 def _dictionary(name: str) -> cv2.aruco.Dictionary:
