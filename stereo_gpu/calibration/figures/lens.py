@@ -42,8 +42,8 @@ def draw_distortion(camera: Camera, side: str) -> tuple[str, str]:
         label=f"Distortion of the {side} lens",
     )
     return drawing, (
-        f"Moved by up to {round(float(moved.max()), 3):.3g} px. Arrows are {arrow_words(factor)}; lines join places that"
-        " are moved equally far, in px; the cross is the principal point."
+        f"Moved by up to {round(float(moved.max()), 3):.3g} px. Arrows are {arrow_words(factor)}; lines join places"
+        " that are moved equally far, in px; the cross is the principal point."
     )
 
 
