@@ -199,7 +199,7 @@ def _fit(errors: Callable[[float], Doubles], unit: float) -> tuple[float, Double
     from scipy.optimize import least_squares
 
     def residuals(number: Doubles) -> Doubles:
-        found: Doubles = np.nan_to_num(errors(float(number[0]) * unit), nan=1e3) / 0.3
+        found: Doubles = np.nan_to_num(errors(float(number[0]) * unit), nan=10.0) / 0.3
         return found
 
     number = float(least_squares(residuals, np.zeros(1), loss="soft_l1", max_nfev=50).x[0]) * unit

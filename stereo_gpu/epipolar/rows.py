@@ -11,7 +11,8 @@ from stereo_gpu.rig import Camera, Rig
 from stereo_gpu.types import Doubles
 
 WIDEST = 10.0  # x / z: nearly 85 degrees off the axis, where no lens model of these holds
-PASSES = 20  # over OpenCV's own five, which do not suffice at the corners of a wide lens
+PASSES = 8  # of Newton's method
+STEP, LEAP = 1e-5, 0.3  # in focal lengths: of the differences, and at most in one pass
 EXACT_PX = 1e-3
 
 
@@ -39,17 +40,33 @@ def rays(points: Doubles, camera: Camera) -> Doubles:
     """(N, 2) directions x / z, y / z in the camera's frame, from (N, 2) px; NaN where the lens model has none."""
     if not len(points):
         return np.zeros((0, 2))
-    directions: Doubles = cv2.undistortPoints(points.reshape(-1, 1, 2), camera.matrix, camera.distortion).reshape(-1, 2)
-    focal = np.diag(camera.matrix)[:2]
-    off = np.full(len(points), np.inf)
+    # From OpenCV's fixed-point iteration by Newton's, which also reaches the corners of a strong lens model.
+    found = cv2.undistortPoints(points.reshape(-1, 1, 2), camera.matrix, camera.distortion).reshape(-1, 2)
+    plain = (points - camera.matrix[:2, 2]) / np.diag(camera.matrix)[:2]
+    astray = ~(_miss(found, points, camera)[1] < _miss(plain, points, camera)[1])
+    directions: Doubles = np.where(astray[:, None], plain, found)
+    missed, off = _miss(directions, points, camera)
     for _ in range(PASSES):
-        ahead = np.column_stack([np.clip(np.nan_to_num(directions), -WIDEST, WIDEST), np.ones(len(points))])
-        seen = cv2.projectPoints(ahead, np.zeros(3), np.zeros(3), camera.matrix, camera.distortion)[0].reshape(-1, 2)
-        off = np.abs(seen - points).max(axis=1)
         if (off < EXACT_PX).all():
             break
-        directions = ahead[:, :2] - (seen - points) / focal
+        slopes = np.stack(
+            [(_miss(directions + step, points, camera)[0] - missed) / STEP for step in STEP * np.eye(2)], axis=2
+        )
+        steps = np.einsum("nij,nj->ni", np.linalg.pinv(slopes), missed)
+        tried = np.clip(directions - np.clip(steps, -LEAP, LEAP), -WIDEST, WIDEST)
+        tried_missed, tried_off = _miss(tried, points, camera)
+        closer = tried_off < off
+        directions = np.where(closer[:, None], tried, directions)
+        missed, off = np.where(closer[:, None], tried_missed, missed), np.where(closer, tried_off, off)
     return np.where(off[:, None] < EXACT_PX, directions, np.nan)
+
+
+def _miss(directions: Doubles, points: Doubles, camera: Camera) -> tuple[Doubles, Doubles]:
+    """How far from `points` the camera sees directions, (N, 2) px, and the larger part of it, (N,)."""
+    ahead = np.column_stack([np.clip(np.nan_to_num(directions), -WIDEST, WIDEST), np.ones(len(points))])
+    seen = cv2.projectPoints(ahead, np.zeros(3), np.zeros(3), camera.matrix, camera.distortion)[0].reshape(-1, 2)
+    missed = np.nan_to_num(seen - points, nan=1e6, posinf=1e6, neginf=-1e6)
+    return missed, np.abs(missed).max(axis=1)
 
 
 def rectifying_rotations(rotation: Doubles, translation: Doubles) -> tuple[Doubles, Doubles]:
