@@ -59,8 +59,9 @@ class NextView:
 
     def told(self, unit: str) -> str:
         """In one sentence."""
+        distance = float(f"{self.distance:.2g}")
         return (
-            f"next: hold the board {self.place}, {self.near} (about {self.distance:.3g} {unit}), {self.tilt}:"
+            f"next: hold the board {self.place}, {self.near} (about {distance:,g} {unit}), {self.tilt}:"
             f" depth would be {self.gain:.0%} more certain"
         )
 
