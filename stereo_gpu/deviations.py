@@ -85,10 +85,10 @@ class Deviations:
         return cls(**cameras, om=part["om"], T=part["T"])
 
 
-def count_shape(value: object) -> tuple[int, ...]:
+def count_shape(value: Any) -> tuple[int, ...]:
     """The shape of an array or of nested lists; (0,) where the rows of those are of unequal length."""
     try:
-        return np.shape(value)  # type: ignore[arg-type]
+        return tuple(np.shape(value))
     except ValueError:
         return (0,)
 

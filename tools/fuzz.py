@@ -25,10 +25,11 @@ from typing import Any
 
 import numpy as np
 from fuzz_mutate import mutate
-from fuzz_seeds import Reader, readers
+from fuzz_seeds import SHARED, Reader, readers
 
 import stereo_gpu as sg
 from stereo_gpu.errors import InputError
+from stereo_gpu.rig_files.load import load_rig_for
 
 ROOT = Path(__file__).parents[1]
 COVERED = 0.9  # of a reader's lines
@@ -79,9 +80,8 @@ def read(case: dict[str, bytes], folder: Path, number: int) -> str:
     paths = [folder / name for name in case]
     for path, data in zip(paths, case.values(), strict=True):
         path.write_bytes(data)
-    size = (640, 480) if number % 2 else None
     try:
-        rig = sg.load_rig(*paths, size=size)
+        rig = _load(paths, number % 12)
     except InputError as error:
         message = str(error).replace(f"{folder}/", "")
         if "\n" in message or len(message) > LONGEST:
@@ -96,6 +96,16 @@ def read(case: dict[str, bytes], folder: Path, number: int) -> str:
     if not (np.isfinite(numbers[0]).all() and numbers[0].tobytes() == numbers[1].tobytes()):
         raise AssertionError(f"a rig was taken that is not finite or not the same when saved: {rig.T}")
     return ""
+
+
+def _load(paths: list[Path], way: int) -> sg.Rig:
+    """Load files in one of twelve ways, so that every option meets every damage."""
+    if way == 0 and len(paths) > 1:
+        return sg.load_rig(paths[0].parent)
+    if way == 1 and len(paths) == 1:
+        return load_rig_for(paths[0], np.zeros((480, 640), np.uint8))
+    size = None if way % 2 else ((640, 480), (640, 480), (1242, 375))[way % 3]
+    return sg.load_rig(*paths, size=size, unit="m" if way == 5 else None, cameras=(0, 1) if way == 7 else None)
 
 
 def code_lines(reader: Reader) -> Lines:
@@ -117,8 +127,8 @@ def code_lines(reader: Reader) -> Lines:
 
 
 def _watch(reader: Reader, reached: Lines) -> Any:
-    """A trace function that keeps the lines of the reader's modules."""
-    files = {str(ROOT / "stereo_gpu" / f"{module}.py") for module in reader.modules}
+    """A trace function that keeps the lines of the reader's modules and of those that all readers share."""
+    files = {str(ROOT / "stereo_gpu" / f"{module}.py") for module in {*reader.modules, *SHARED}}
 
     def local(frame: FrameType, event: str, _: object) -> Any:
         if event == "line":
@@ -190,22 +200,28 @@ def fuzz(reader: Reader, seconds: float, seed: int) -> Outcome:
 
 
 def report(name: str, reader: Reader, outcome: Outcome, reasons: int) -> float:
-    """Print a reader's part of the table; the share of its lines that was reached."""
-    lines = code_lines(reader)
-    share = len(lines & outcome.reached) / len(lines)
+    """Print a reader's part of the table; the share of its own lines that was reached."""
     print(
-        f"{name:12} {outcome.files:7} {outcome.taken / outcome.files:7.1%} {len(outcome.refused):8} {share:7.1%}"
-        f" {outcome.peak_bytes / 2**20:7.0f} {outcome.slowest:8.2f} {len(outcome.failures):8}",
-        flush=True,
+        f"{name:12} {outcome.files:7} {outcome.taken / outcome.files:7.1%} {len(outcome.refused):8}"
+        f" {outcome.peak_bytes / 2**20:8.0f} {outcome.slowest:10.2f} {len(outcome.failures):9}",
+        end="",
     )
+    share = report_lines(reader, outcome.reached, bool(reasons))
     for reason, count in outcome.refused.most_common(reasons):
         print(f"    {count / outcome.files:6.1%} {reason}")
+    return share
+
+
+def report_lines(reader: Reader, reached: Lines, whole: bool) -> float:
+    """Print the share of the lines that was reached, if `whole` with the numbers of those that were not."""
+    lines = code_lines(reader)
+    share = len(lines & reached) / len(lines)
+    print(f" {share:7.1%} of {len(lines)} lines", flush=True)
     missed: dict[str, list[int]] = {}
-    for file, line in sorted(lines - outcome.reached):
+    for file, line in sorted(lines - reached):
         missed.setdefault(Path(file).relative_to(ROOT).as_posix(), []).append(line)
-    if reasons:
-        for file, numbers in missed.items():
-            print(f"    not reached: {file} {', '.join(map(str, numbers))}")
+    for file, numbers in missed.items() if whole else ():
+        print(f"    not reached: {file} {', '.join(map(str, numbers))}")
     return share
 
 
@@ -221,10 +237,12 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     chosen = options.reader or list(known)
     failed = False
-    print("reader         files   taken  reasons   lines peak MB slowest s failures")
+    print("reader         files   taken  reasons  peak MB  slowest s  failures  reached")
+    reached: Lines = set()
     for name in chosen:
         reader = known[name]
         outcome = fuzz(reader, options.seconds / len(chosen), options.seed)
+        reached |= outcome.reached
         failed |= report(name, reader, outcome, options.reasons) < COVERED or bool(outcome.failures)
         for told, number in outcome.failures.items():
             folder = options.keep / f"{name.replace(' ', '_')}_{options.seed}_{number}"
@@ -232,6 +250,9 @@ def main(arguments: list[str] | None = None) -> int:
             for file, data in make_case(reader, options.seed, number).items():
                 (folder / file).write_bytes(data)
             print(f"    FAILED, kept in {folder}: {told}")
+    if not options.reader:
+        print(f"{'all together':78}", end="")
+        failed |= report_lines(Reader(SHARED, []), reached, bool(options.reasons)) < COVERED
     return int(failed)
 
 

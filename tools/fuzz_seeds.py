@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "tests"))
 from calibration_files import KITTI_ODOMETRY, KITTI_RAW, MIDDLEBURY, make_rig  # noqa: E402
 
-SHARED = ("load", "source", "judge", "tree")
+SHARED = tuple(f"rig_files/{name}" for name in ("load", "source", "judge", "geometry", "tree", "yaml_tree"))
 
 
 @dataclass(frozen=True)
@@ -42,14 +42,14 @@ def readers() -> dict[str, Reader]:
 
     return {
         "json": Reader(("rig", "deviations"), _own(), ("save", "_camera_json", "baseline", "as_json")),
-        "opencv yaml": Reader(parts(*SHARED, "opencv", "yaml_tree", "geometry"), _opencv("yml")),
-        "opencv xml": Reader(parts("opencv", "xml_tree", "tree"), _opencv("xml")),
-        "opencv json": Reader(parts("opencv", "json_tree", "tree"), _opencv("json")),
-        "ros": Reader(parts("ros", "yaml_tree", "tree", "geometry"), _ros()),
+        "opencv yaml": Reader(parts("opencv", "yaml_tree"), _opencv("yml")),
+        "opencv xml": Reader(parts("opencv", "xml_tree"), _opencv("xml")),
+        "opencv json": Reader(parts("opencv", "json_tree"), _opencv("json")),
+        "ros": Reader(parts("ros", "yaml_tree"), _ros()),
         "matlab": Reader(parts("matlab", "mat_variables"), _matlab()),
         "middlebury": Reader(parts("middlebury", "text_lines"), [{"calib.txt": MIDDLEBURY.encode()}]),
         "kitti": Reader(
-            parts("kitti", "text_lines", "geometry"),
+            parts("kitti", "text_lines"),
             [{"calib.txt": KITTI_ODOMETRY.encode()}, {"calib_cam_to_cam.txt": KITTI_RAW.encode()}],
         ),
     }
