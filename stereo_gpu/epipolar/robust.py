@@ -65,7 +65,7 @@ def fit_robustly(
         def weighed(trial: Doubles, scale: float = noise) -> Doubles:
             # Cauchy's loss by hand, since what is known beforehand is not to be taken for an outlier.
             off = residuals(trial) / scale
-            eased = np.copysign(np.sqrt(loss(off)), off)  # smooth at zero
+            eased = np.copysign(np.sqrt(np.log1p(off * off)), off)  # smooth at zero
             known: Doubles = np.concatenate([eased, surprises(trial)])
             return known
 
@@ -78,13 +78,16 @@ def fit_robustly(
     return Fit(parameters=parameters, deviations=deviations, residuals=off, noise=noise, surprise=surprise)
 
 
-def loss(relative: Doubles) -> Doubles:
-    """(N,) Cauchy's loss of residuals over their noise."""
-    losses: Doubles = np.log1p(relative * relative)
-    return losses
-
-
 def best_of(fits: Sequence[tuple[Model, Fit]]) -> tuple[Model, Fit]:
-    """The model whose fit, to the same points, loses least where the smallest noise of all is taken for all."""
+    """The model that fits most of the same points well, where the smallest noise of all is taken for all.
+
+    The loss is that of Geman and McClure (1987), which ends at 1: a wrong match must not tell how wrong it is. With
+    Cauchy's, matches of OpenCV's plain SIFT chose a pose 3 degrees off that was less than a pixel wrong all over.
+    """
     noise = min(fit.noise for _, fit in fits)
-    return min(fits, key=lambda each: float(loss(each[1].residuals / noise).sum()) + each[1].surprise)
+
+    def cost(each: tuple[Model, Fit]) -> float:
+        squares = (each[1].residuals / noise) ** 2
+        return float((squares / (1 + squares)).sum()) + each[1].surprise
+
+    return min(fits, key=cost)
