@@ -9,6 +9,7 @@ import pytest
 from moving_boards import BOARD, between, frame, pose, render
 
 from stereo_gpu.calibration.board import Board
+from stereo_gpu.calibration.charuco import CharucoBoard
 from stereo_gpu.capture import capture
 from stereo_gpu.errors import InputError
 from stereo_gpu.images import read_image
@@ -126,6 +127,19 @@ def test_both_cameras_must_see_the_board():
     assert watch.chooser.status == "show the board of 10x7 squares to both cameras"
 
 
+def test_a_part_of_a_board_with_markers_counts():
+    board = CharucoBoard(10, 7, 30.0, 21.0)
+    watch = Watch(board)
+    half = render(pose(0, (170, 0)), drawing=moving_boards.charuco())  # its right part lies outside of both pictures
+    [taken] = watch.see(half, HELD)
+    assert 8 <= taken <= HELD
+    assert all(6 <= len(view.ids) < 50 for view in watch.looks[-1].views)
+    assert watch.see(tuple(cv2.blur(picture, (9, 1)) for picture in half)) == []
+    for step in range(4):
+        assert watch.see(render(pose(3, (2 * step, 0)), drawing=moving_boards.charuco())) == []
+    assert watch.chooser.status == "hold still"
+
+
 def test_another_board_is_named():
     watch = Watch(Board(columns=12, rows=9, square=30.0))
     assert watch.see(render(pose(0)), 25) == []
@@ -171,19 +185,28 @@ def test_pictures_that_change_their_size_are_refused():
         watch.see([picture[::2, ::2] for picture in render(pose(0))])
 
 
-def test_real_boards(data):
-    """Each of the 13 real pairs held for a third of a second, then all of them again."""
+@pytest.fixture(scope="module")
+def real_pairs(data):
     folder = data / "calibration" / "board_10x7"
-    pairs = [
+    return [
         (read_image(left), read_image(left.with_name(left.name.replace("left", "right"))))
         for left in sorted(folder.glob("left*.jpg"))
     ]
-    watch = Watch()
-    taken = [watch.see(pair, HELD) for pair in pairs]
-    assert all(len(frames) <= 1 for frames in taken)
-    assert sum(map(len, taken)) >= 10  # some are held nearly alike
+
+
+def test_real_boards(real_pairs):
+    """All 13 pairs twice: as the pictures of a folder, and the first ones as if a hand held them."""
+    watch = Watch(still=False)
+    taken = [len(watch.see(pair)) for pair in real_pairs]
+    assert sum(taken) >= 10  # some are held nearly alike
     assert watch.chooser.coverage.missing() == ([], [])
     assert watch.chooser.done
-    again = Watch(still=False)
-    assert [len(again.see(pair)) for pair in pairs] == list(map(len, taken))
-    assert [again.see(pair) for pair in pairs] == [[]] * 13
+    assert [watch.see(pair) for pair in real_pairs] == [[]] * 13
+    held = Watch()
+    assert [len(held.see(pair, HELD)) for pair in real_pairs[:4]] == taken[:4]
+
+
+def test_a_part_of_a_real_larger_board_is_refused(real_pairs):
+    watch = Watch(Board(columns=9, rows=7, square=30.0), still=False)
+    assert [watch.see(pair) for pair in real_pairs[:2]] == [[]] * 2
+    assert watch.chooser.status == "found 9x6 inner corners = 10x7 squares: say 10x7"

@@ -25,6 +25,7 @@ SHARP_LOOKS = 30  # and known after so many still looks
 MARKED_REACH = 0.1  # of a square: beyond it a marker may begin
 FEWEST_COMMON = 6  # corners that both cameras see
 BLANK_LOOKS = 25  # with no board in either picture, after which it may be another one than was said
+DOUBTED_PAIRS = 5  # the first pairs, for which it is asked whether they show a part of a larger board
 HINT_SIDE = 640  # px: the search for a board of any size is slow
 
 
@@ -147,7 +148,7 @@ class BoardChooser:
         if min(held_s, default=STILL_S) < STILL_S:
             return "hold still", False
         # Both are asked, since each gathers what its camera can do.
-        blurs = [edges.complaint(*seen) for edges, *seen in zip(self._edges, flats, (left, right), strict=True)]
+        blurs = self._edges[0].complaint(flats[0], left), self._edges[1].complaint(flats[1], right)
         for side, blur in zip(SIDES, blurs, strict=True):
             if blur:
                 return f"the {side} picture is {blur}", False
@@ -159,7 +160,7 @@ class BoardChooser:
             side = SIDES[0 if found[0] is None else 1]
             return f"the board is hard to see in the {side} picture: bring it closer or into better light", False
         # A finder that was told too few squares finds a part of the board, and seldom the same one in both cameras.
-        other = self._board.hint(shrink(flats[0], HINT_SIDE), found[0]) if coverage.pairs == 0 else None
+        other = self._board.hint(shrink(flats[0], HINT_SIDE), found[0]) if coverage.pairs < DOUBTED_PAIRS else None
         if other is not None:
             return other.text, False
         if len(in_both(found[0], found[1])[0].ids) < FEWEST_COMMON:

@@ -10,7 +10,7 @@ from stereo_gpu.types import Bytes, Floats
 
 SQUARE_PX = 64  # of the shrunk picture's width for each square of the board, within these limits
 SIDES = (640, 1280)
-MARKED_SIDE = 1280  # markers are smaller than squares
+MARKED_SIDE = 960  # markers are smaller than squares; 40 ms a picture
 PATIENCE = 8  # looks without a find after which the slow finder has a try
 SLOW_SIDE = 480
 
