@@ -138,19 +138,20 @@ def _watch(reader: Reader, reached: Lines) -> Any:
     return lambda frame, _event, _: local if frame.f_code.co_filename in files else None
 
 
-def _child(reader: Reader, seed: int, start: int, until: float, current: Any, answers: Connection) -> None:
-    """Read files from number `start` on until the time is over; report after each batch."""
+def _child(reader: Reader, seed: int, numbers: range, until: float, current: Any, answers: Connection) -> None:
+    """Read the files of `numbers` until the time is over; report after each batch."""
     logging.disable(logging.WARNING)  # of what was rounded, thousands of times
     np.seterr(divide="raise", over="raise", invalid="raise")  # a warning of NumPy's would reach the user's terminal
     used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (used + MEMORY, used + MEMORY))
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    number = start
     with tempfile.TemporaryDirectory() as name:
-        while time.monotonic() < until:
+        for batch in range(numbers.start, numbers.stop, BATCH):
+            if time.monotonic() > until:
+                break
             outcome = Outcome()
             sys.settrace(_watch(reader, outcome.reached))
-            for _ in range(BATCH):
+            for number in range(batch, min(batch + BATCH, numbers.stop)):
                 current.value = number
                 case = make_case(reader, seed, number)
                 signal.setitimer(signal.ITIMER_PROF, SECONDS)  # its signal ends the process, whatever it is doing
@@ -164,21 +165,20 @@ def _child(reader: Reader, seed: int, start: int, until: float, current: Any, an
                     outcome.refused.update([reason] if reason else [])
                 signal.setitimer(signal.ITIMER_PROF, 0)
                 outcome.slowest = max(outcome.slowest, time.process_time() - began)
-                number += 1
             sys.settrace(None)
             outcome.peak_bytes = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) * 1024
             answers.send(outcome)
     answers.send(None)
 
 
-def fuzz(reader: Reader, seconds: float, seed: int) -> Outcome:
-    """Try files on one reader; a child that dies is noted and the next one goes on behind the file."""
+def fuzz(reader: Reader, seconds: float, seed: int, files: int = sys.maxsize) -> Outcome:
+    """Try at most `files` files on one reader; a child that dies is noted and the next one goes on behind the file."""
     context = multiprocessing.get_context("fork")
     total, start, until = Outcome(), 0, time.monotonic() + seconds
     while True:
         ours, theirs = context.Pipe(duplex=False)
         current = context.Value("Q", start, lock=False)
-        child = context.Process(target=_child, args=(reader, seed, start, until, current, theirs))
+        child = context.Process(target=_child, args=(reader, seed, range(start, files), until, current, theirs))
         child.start()
         theirs.close()
         try:
@@ -202,7 +202,7 @@ def fuzz(reader: Reader, seconds: float, seed: int) -> Outcome:
 def report(name: str, reader: Reader, outcome: Outcome, reasons: int) -> float:
     """Print a reader's part of the table; the share of its own lines that was reached."""
     print(
-        f"{name:12} {outcome.files:7} {outcome.taken / outcome.files:7.1%} {len(outcome.refused):8}"
+        f"{name:12} {outcome.files:7} {outcome.taken / max(1, outcome.files):7.1%} {len(outcome.refused):8}"
         f" {outcome.peak_bytes / 2**20:8.0f} {outcome.slowest:10.2f} {len(outcome.failures):9}",
         end="",
     )
@@ -230,6 +230,7 @@ def main(arguments: list[str] | None = None) -> int:
     known = readers()
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("--seconds", type=float, default=120, help="in all (%(default)s)")
+    parser.add_argument("--files", type=int, default=sys.maxsize, help="at most so many of each reader")
     parser.add_argument("--seed", type=int, default=1, help="of the damage (%(default)s)")
     parser.add_argument("--reader", action="append", choices=sorted(known), help="only this one; may stand repeatedly")
     parser.add_argument("--reasons", type=int, default=6, help="how many of the most frequent to show (%(default)s)")
@@ -241,7 +242,7 @@ def main(arguments: list[str] | None = None) -> int:
     reached: Lines = set()
     for name in chosen:
         reader = known[name]
-        outcome = fuzz(reader, options.seconds / len(chosen), options.seed)
+        outcome = fuzz(reader, options.seconds / len(chosen), options.seed, options.files)
         reached |= outcome.reached
         failed |= report(name, reader, outcome, options.reasons) < COVERED or bool(outcome.failures)
         for told, number in outcome.failures.items():
