@@ -205,13 +205,14 @@ def test_a_side_that_the_other_camera_cannot_see_is_not_asked_for():
 
 def test_real_boards(data):
     """What was seen of both cameras' 13 views: enough, but for the sides that one camera alone sees."""
-    from stereo_gpu.images import read_image
+    from stereo_gpu.images import grey, read_image
+    from stereo_gpu.recording.quick_find import QuickFinder
 
     coverages = []
     for side in ("left", "right"):
         coverage = Coverage((640, 480), BOARD)
         for file in sorted((data / "calibration" / "board_10x7").glob(f"{side}*.jpg")):
-            coverage.add(BOARD.find(read_image(file)))
+            coverage.add(QuickFinder(BOARD).find(grey(read_image(file))))
         coverages.append(coverage)
     assert all(coverage.views == 13 and coverage.share >= 0.6 for coverage in coverages)
     assert coverages[1].missing() == ["no corner near the right edge of the picture"]
