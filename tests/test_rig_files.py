@@ -333,7 +333,7 @@ OPENCV = [
     ("unit: mm", "unit: &a mm\nx: *a", "alias"),
     ("unit: mm", "? [a]\n: b", "as a name"),
     ("unit: mm", "x: " + "[" * 40 + "]" * 40, "nested more than 32"),
-    ("unit: mm", "x: [", "not YAML, or cut off"),
+    ("unit: mm", "x: [", "no calibration, or cut off"),
     ("cols: 5", "cols: five", "must be a number"),
     ("dt: d\n   data", "dt: d\n   date", "M1 has no data|does not hold two"),
 ]
@@ -386,9 +386,9 @@ FOREIGN = [
     (b'{"type_id": "opencv-matrix", "a": ', "not JSON, or cut off"),
     (b'{"type_id": "opencv-matrix", "a": [true, null, NaN]}', "does not hold two cameras"),
     (b'{"format": "stereo-gpu rig"}', "version"),
-    (b"%YAML:1.0\n---\n", "not YAML|no content|no named values"),
+    (b"%YAML:1.0\n---\n", "no calibration|no content|no named values"),
     (b"hello", "no named values"),
-    (b"\xff\xfeabc", "not YAML"),
+    (b"\xff\xfeabc", "no calibration"),
     (b"cam0=[1 0 0]\nwhat is this", "line 2"),
     (b"cam0=[1 0 0]\ncam0=[2 0 0]", "cam0 stands twice"),
     (b"P0: 1 2 3\nP1: \xff", "not text"),
@@ -542,7 +542,8 @@ def test_arguments_that_are_wrong(tmp_path):
     refused("3 calibration files", path, path, path)
     refused("is a folder without", tmp_path)
     refused("no such file", tmp_path / "none.yml")
-    refused("alone", put(tmp_path, "calib.txt", MIDDLEBURY), path)
+    refused("give that one alone", put(tmp_path, "calib.txt", MIDDLEBURY), path)
+    refused("give that one alone", path, own)
     with (tmp_path / "huge.yml").open("wb") as stream:
         stream.write(b"a: 1\n")
         stream.truncate(LARGEST_FILE + 1)

@@ -112,9 +112,9 @@ def _read(sources: Sequence[Source], size: Size | None, cameras: tuple[int, int]
     kind = next((name for name, lines in LINES.items() if lines.search(first)), "")
     if cameras is not None and kind != "kitti":
         raise InputError(f"cameras is {cameras}, which is for KITTI's files: leave it out")
+    if len(sources) > 1 and (kind or is_mat(first) or any(_is_own(source.data) for source in sources)):
+        raise InputError("one of them holds both cameras: give that one alone")
     if kind or is_mat(first):
-        if len(sources) > 1:
-            raise InputError("give the first file alone: it holds both cameras")
         if is_mat(first):
             return read_matlab(first)
         values = parse_lines(first)

@@ -36,7 +36,7 @@ def parse_yaml(data: bytes) -> Tree:
         mark = getattr(error, "problem_mark", None)
         place = f" at line {mark.line + 1}" if mark is not None else ""
         told = " ".join(str(getattr(error, "problem", None) or getattr(error, "reason", None) or "not text").split())
-        raise InputError(f"not YAML, or cut off: {told:.80}{place}; copy it again") from None
+        raise InputError(f"no calibration, or cut off: as YAML {told:.80}{place}; copy it again") from None
     if builder.tree is None:
         raise InputError("it has no content: copy it again")
     return builder.tree
