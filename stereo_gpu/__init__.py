@@ -19,6 +19,7 @@ from stereo_gpu.epipolar.features import match_features
 from stereo_gpu.epipolar.pose import estimate_pose
 from stereo_gpu.errors import StereoError
 from stereo_gpu.images import read_image
+from stereo_gpu.known_distance import KnownDistance
 from stereo_gpu.match import match
 from stereo_gpu.pipeline import reconstruct, reconstruct_rectified
 from stereo_gpu.rectify import rectify
@@ -37,6 +38,7 @@ __all__ = [
     "CharucoBoard",
     "DeviceStatus",
     "Disparity",
+    "KnownDistance",
     "Mesh",
     "MeshOptions",
     "PairCheck",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 
@@ -9,8 +10,8 @@ import cv2
 import numpy as np
 
 from stereo_gpu.errors import InputError
-from stereo_gpu.rig import Camera
-from stereo_gpu.types import Doubles, Floats
+from stereo_gpu.rig import Camera, Rig
+from stereo_gpu.types import Doubles, Floats, RectifiedPair, View
 
 AROUND = 3  # px on either side of a place, whose points are taken together
 
@@ -41,6 +42,31 @@ class KnownDistance:
             raise InputError(f"distance = {self.length:g} {self.unit}: give a length above 0")
         if self.first == self.second:
             raise InputError(f"both ends of the distance are at {self.first}: give two places")
+
+
+def scale_to(
+    known: KnownDistance, pair: RectifiedPair, points: Floats, rig: Rig, view: View
+) -> tuple[RectifiedPair, Floats]:
+    """Give a reconstruction the scale that a known distance has in it.
+
+    Args:
+        known: places in the raw picture of the reference view.
+        pair, points: of any scale; (H, W, 3) on the reference view, NaN where there is none.
+        rig: whose raw pictures they were made of.
+        view: the reference view.
+
+    Returns:
+        Both in the known distance's unit.
+
+    Raises:
+        InputError: a place lies outside of the picture, or no depth is known around it.
+    """
+    camera, rotation, cx = rig.left, pair.rotation_left, pair.cx_left
+    if view is View.RIGHT:
+        camera, rotation, cx = rig.right, pair.rotation_right, pair.cx_right
+    matrix = np.array([[pair.focal_px, 0, cx], [0, pair.focal_px, pair.cy], [0, 0, 1]])
+    scale = scale_of(known, points, camera, rotation, matrix)
+    return dataclasses.replace(pair, baseline=pair.baseline * scale, unit=known.unit), points * np.float32(scale)
 
 
 def scale_of(known: KnownDistance, points: Floats, camera: Camera, rotation: Doubles, matrix: Doubles) -> float:

@@ -7,6 +7,7 @@ import hashlib
 import math
 import os
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from stereo_gpu.errors import InputError
 from stereo_gpu.fairing import fair
 from stereo_gpu.images import check_pair, read_image
 from stereo_gpu.job import Job, Rectangle, check_against, plan_job
+from stereo_gpu.known_distance import KnownDistance, scale_to
 from stereo_gpu.mask import mask_from_depth, mask_from_rectangle
 from stereo_gpu.match_options import Range, Window
 from stereo_gpu.mesh import build_mesh
@@ -28,15 +30,17 @@ from stereo_gpu.rectify import DevicePair, check_sizes, download_pair, plan_rect
 from stereo_gpu.result import Reconstruction
 from stereo_gpu.rig import Rig
 from stereo_gpu.rig_check import RigCheck, check_rig, ideal_rig, refuse_bad
+from stereo_gpu.self_calibrate import Known, RigFound, self_calibrate
 from stereo_gpu.texture import bake_texture, project
 from stereo_gpu.tiles import match_in_tiles
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.triangulate import triangulate_on
-from stereo_gpu.types import Bytes, Disparity, Floats, Mesh, Picture, RectifiedPair, Validity, View
+from stereo_gpu.types import UNSCALED, Bytes, Disparity, Floats, Mesh, Picture, RectifiedPair, Validity, View
 from stereo_gpu.unwrap import unwrap
 
 STAGES = (
     "read",
+    "rig",
     "check",
     "rectify",
     "mask",
@@ -53,11 +57,31 @@ STAGES = (
 Source = Picture | str | os.PathLike[str]
 
 
+@dataclass(frozen=True, kw_only=True)
+class Setup:
+    """How the two cameras stand.
+
+    Args:
+        rig: of the raw pictures.
+        checked: what they tell of it.
+        found: how it was had, if it was made from them.
+        distance: what sets the scale, where neither rig nor baseline does.
+    """
+
+    rig: Rig
+    checked: RigCheck
+    found: RigFound | None = None
+    distance: KnownDistance | None = None
+
+
 def reconstruct(
     left: Source,
     right: Source,
-    rig: Rig,
+    rig: Rig | None = None,
     *,
+    focal_px: float | None = None,
+    baseline: float | None = None,
+    distance: KnownDistance | None = None,
     profile: str = "precise",
     disparities: Range = "auto",
     mask: Bytes | None = None,
@@ -71,11 +95,14 @@ def reconstruct(
     ignore_check: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> Reconstruction:
-    """Reconstruct what two calibrated cameras see.
+    """Reconstruct what two cameras see.
 
     Args:
         left, right: the raw pictures, or their files.
-        rig: the calibrated pair of cameras.
+        rig: the calibrated pair of cameras; None makes one from this pair, up to scale.
+        focal_px: without a rig, the focal length of both cameras, if it is known; else EXIF's, or a guess.
+        baseline: without a rig, the distance between the cameras, mm, which sets the scale.
+        distance: or one between two places in the raw reference picture, which does.
         profile: "paper", "fast" or "precise".
         disparities: smallest disparity and how many to search, px, or "auto".
         mask: (H, W) on the rectified reference view, 0 where nothing is wanted.
@@ -100,14 +127,22 @@ def reconstruct(
         StageError: nothing was left to make a mesh of.
     """
     job = plan_job(profile, disparities, mask, window, reference, rectangle, depth, mesh, tile)
+    known = Known(focal_px=focal_px, baseline=baseline, distance=distance)
+    if rig is not None:
+        known.refuse_beside_rig()
     device = open_backend(backend)
     watch = Stopwatch(progress)
     with watch.step("read"):
         raw_left, raw_right = _read(left), _read(right)
         inputs = {"left": _describe(left), "right": _describe(right)}
         check_pair(raw_left, raw_right)
-        check_sizes(raw_left, rig)
         job = check_against(job, raw_left)
+    found = None
+    with watch.step("rig"):
+        if rig is None:
+            found = self_calibrate(raw_left, raw_right, known, (left, right))
+            rig = found.rig
+        check_sizes(raw_left, rig)
     with watch.step("check"):
         checked = check_rig(raw_left, raw_right, rig)
         if not ignore_check:
@@ -116,7 +151,8 @@ def reconstruct(
         plan = plan_rectification(rig)
         held = rectify_on(device, raw_left, raw_right, rig, plan)
         pair = download_pair(device, held, plan)
-    return _from_rectified(job, device, watch, pair, held, raw_left, raw_right, inputs, checked)
+    setup = Setup(rig=rig, checked=checked, found=found, distance=known.distance)
+    return _from_rectified(job, device, watch, pair, held, raw_left, raw_right, inputs, setup)
 
 
 def reconstruct_rectified(
@@ -152,11 +188,13 @@ def reconstruct_rectified(
             valid_left=device.upload(pair.valid_left),
             valid_right=device.upload(pair.valid_right),
         )
+    rig = ideal_rig(pair)
     with watch.step("check"):
-        checked = check_rig(pair.left, pair.right, ideal_rig(pair))
+        checked = check_rig(pair.left, pair.right, rig)
         if not ignore_check:
             refuse_bad(checked)
-    return _from_rectified(job, device, watch, pair, held, pair.left, pair.right, inputs, checked)
+    setup = Setup(rig=rig, checked=checked)
+    return _from_rectified(job, device, watch, pair, held, pair.left, pair.right, inputs, setup)
 
 
 def _from_rectified(
@@ -168,12 +206,11 @@ def _from_rectified(
     raw_left: Picture,
     raw_right: Picture,
     inputs: dict[str, dict[str, str]],
-    checked: RigCheck,
+    setup: Setup,
 ) -> Reconstruction:
     """All stages from the rectified pair on; `held` is the same pair on the device."""
     # Of the raw pictures, since rectified ones have black corners.
     levels = find_levels(raw_left), find_levels(raw_right)
-    centre = (pair.baseline if job.view is View.RIGHT else 0.0, 0.0, 0.0)
     with watch.step("mask"):
         picture, valid, other_valid = pair.left, pair.valid_left, pair.valid_right
         if job.view is View.RIGHT:
@@ -203,8 +240,11 @@ def _from_rectified(
         )
     with watch.step("triangulate"):
         points: Floats = device.download(triangulate_on(device, device.upload(disparity.values), job.view, pair))
+        if setup.distance is not None:
+            pair, points = scale_to(setup.distance, pair, points, setup.rig, job.view)
         if job.depth is not None:
             disparity, points = _cut_depth(disparity, points, job.depth)
+    centre = (pair.baseline if job.view is View.RIGHT else 0.0, 0.0, 0.0)
     with watch.step("mesh"):
         surface = build_mesh(disparity.values, points, max_jump_px=job.mesh.max_jump_px, centre=centre)
     with watch.step("decimate"):
@@ -240,9 +280,13 @@ def _from_rectified(
             **{f"mesh.{name}": value for name, value in dataclasses.asdict(job.mesh).items()},
             "mesh.unwrap_used": unwrapped.method,
         },
-        checked=checked,
+        checked=setup.checked,
+        found=setup.found,
         seconds=dict(watch.seconds),
-        warnings=find_warnings(checked, disparity, unwrapped, pair.cx_left - pair.cx_right),
+        warnings=[
+            *find_warnings(setup.checked, disparity, unwrapped, pair.cx_left - pair.cx_right),
+            *(setup.found.warnings(unscaled=pair.unit == UNSCALED) if setup.found else ()),
+        ],
     )
 
 

@@ -14,12 +14,14 @@ import numpy as np
 
 from stereo_gpu import export, figures
 from stereo_gpu.check_figure import draw_check
+from stereo_gpu.epipolar.figure import draw_epipolar_curves
 from stereo_gpu.files import whole_folder, write_whole
 from stereo_gpu.images import write_png
 from stereo_gpu.prepare import grey_scale
 from stereo_gpu.render import Shading, render, render_points
 from stereo_gpu.report import Figure, write_report
 from stereo_gpu.rig_check import RigCheck
+from stereo_gpu.self_calibrate import RigFound
 from stereo_gpu.types import Bytes, Disparity, Floats, Mesh, Picture, RectifiedPair, Surface, Validity, View
 
 # From the front every model looks like the photograph; a little from the side its depth can be judged.
@@ -41,6 +43,7 @@ class Reconstruction:
         inputs: name and sha256 of each picture.
         options: every option as used.
         checked: what matched features tell of the rig and the pair.
+        found: the rig, where it was made from this pair.
         seconds: wall time of each stage.
         warnings: what a person should know, one sentence each.
     """
@@ -59,6 +62,7 @@ class Reconstruction:
     checked: RigCheck
     seconds: dict[str, float]
     warnings: list[str]
+    found: RigFound | None = None
 
     @property
     def picture(self) -> Picture:
@@ -126,11 +130,26 @@ class Reconstruction:
             "coverage": self.disparity.coverage,
             "vertical_px": None if math.isnan(self.checked.vertical_px) else self.checked.vertical_px,
             "check": self.checked.record(),
+            "rig_from_pair": None if self.found is None else self.found.record(),
             "warnings": self.warnings,
         }
 
     def figures(self) -> list[Figure]:
         """The pictures of the paper's figures 6 to 9 for this pair."""
+        lines = []
+        if self.found is not None:
+            matched = self.found.matched
+            ends = draw_epipolar_curves(
+                self.raw_left, self.raw_right, self.found.rig, matched.points_left, matched.points_right
+            )
+            lines = [
+                Figure(
+                    name="Epipolar lines",
+                    caption="Some of the features that the rig was made from, and in the same colour the line on which the"
+                    " partner in the other picture must lie.",
+                    picture=figures.side_by_side(*ends),
+                )
+            ]
         unwanted = "nothing was masked" if self.mask.all() else "what is dark was not matched"
         return [
             Figure(
@@ -138,6 +157,7 @@ class Reconstruction:
                 caption="The two pictures as the cameras took them.",
                 picture=figures.side_by_side(self.raw_left, self.raw_right),
             ),
+            *lines,
             Figure(
                 name="Check",
                 caption="Where in the left picture the rig puts matched features on different rows, and by how much.",
@@ -208,7 +228,7 @@ class Reconstruction:
             },
             "Geometry": {
                 "Size": f"{pair.left.shape[1]} x {pair.left.shape[0]} px",
-                "Focal length": f"{pair.focal_px:.2f} px",
+                "Focal length": f"{pair.focal_px:.2f} px{f' ({self.found.focal.source})' if self.found else ''}",
                 "Baseline": f"{pair.baseline:.3f} {unit}",
                 "Vertical error": f"{vertical} (median of {len(self.checked.vertical)} features)",
                 "Rig": f"{self.checked.verdict}: {self.checked.says}",

@@ -19,14 +19,16 @@ def add_pair(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("right", type=Path, help="the right camera's picture")
 
 
-def add_rig(parser: argparse.ArgumentParser) -> None:
+def add_rig(parser: argparse.ArgumentParser, *, required: bool = True) -> None:
     """A rig's file."""
+    without = "" if required else "; without one it is made from the pair, up to scale"
     parser.add_argument(
         "--rig",
         type=Path,
-        required=True,
+        required=required,
         metavar="rig.json",
-        help="what `calibrate` wrote, or a calibration file of OpenCV, ROS (the folder), Matlab, Middlebury or KITTI",
+        help="what `calibrate` wrote, or a calibration file of OpenCV, ROS (the folder), Matlab, Middlebury or KITTI"
+        + without,
     )
 
 

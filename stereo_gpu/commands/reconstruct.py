@@ -14,7 +14,16 @@ from stereo_gpu.progress import Progress
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Say what the command takes."""
     add_pair(parser)
-    add_rig(parser)
+    add_rig(parser, required=False)
+    alone = parser.add_argument_group("without a rig")
+    alone.add_argument("--focal", type=float, metavar="PX", help="focal length, px; by default EXIF's, or a guess")
+    alone.add_argument("--baseline", type=float, metavar="MM", help="distance between the cameras: sets the scale")
+    alone.add_argument(
+        "--distance",
+        type=numbers(float, 5),
+        metavar="X1,Y1,X2,Y2,MM",
+        help="two places in the raw reference picture, px, and how far they are apart: sets the scale",
+    )
     parser.add_argument("--out", type=Path, required=True, help="folder for the model and the report")
     add_matching(parser, "precise")
     parser.add_argument("--mask", type=Path, help="picture, black where the rectified reference view is not wanted")
@@ -40,14 +49,18 @@ def run(options: argparse.Namespace) -> None:
     from stereo_gpu.config import MeshOptions
     from stereo_gpu.files import check_writable
     from stereo_gpu.images import check_pair, read_image
+    from stereo_gpu.known_distance import KnownDistance
     from stereo_gpu.pipeline import STAGES, reconstruct
     from stereo_gpu.rectify import check_sizes
     from stereo_gpu.rig_files.load import load_rig_for
 
     left, right = read_image(options.left), read_image(options.right)
-    rig = load_rig_for(options.rig, left)
     check_pair(left, right)
-    check_sizes(left, rig)
+    rig = None if options.rig is None else load_rig_for(options.rig, left)
+    if rig is not None:
+        check_sizes(left, rig)
+    x1, y1, x2, y2, length = options.distance or [0.0] * 5
+    distance = KnownDistance((x1, y1), (x2, y2), length) if options.distance else None
     mask = read_mask(options.mask, left.shape[:2])
     check_writable(options.out)
     with Progress([*STAGES, "save"]) as progress:
@@ -55,6 +68,9 @@ def run(options: argparse.Namespace) -> None:
             options.left,
             options.right,
             rig,
+            focal_px=options.focal,
+            baseline=options.baseline,
+            distance=distance,
             profile=options.profile,
             disparities=options.disparities,
             mask=mask,
