@@ -11,6 +11,7 @@ from moving_boards import BOARD, between, frame, pose, render
 from stereo_gpu.calibration.board import Board
 from stereo_gpu.calibration.charuco import CharucoBoard
 from stereo_gpu.capture import capture
+from stereo_gpu.cli import main
 from stereo_gpu.errors import InputError
 from stereo_gpu.images import read_image
 from stereo_gpu.recording.board_watch import BoardChooser
@@ -59,11 +60,41 @@ def test_a_held_board_is_taken_once_and_a_carried_one_never():
     assert watch.chooser.coverage.pairs == 3
 
 
-def test_films_of_a_moving_board_give_exactly_the_right_pairs(tmp_path):
-    writers = {
-        side: cv2.VideoWriter(str(tmp_path / f"{side}.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 30, moving_boards.SIZE)
+def open_writers(folder):
+    return {
+        side: cv2.VideoWriter(str(folder / f"{side}.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 30, moving_boards.SIZE)
         for side in ("left", "right")
     }
+
+
+def test_the_command_says_what_is_missing_and_a_second_run_goes_on(tmp_path, capsys):
+    for name, numbers in (("first", (0, 4)), ("second", (4, 7))):
+        (tmp_path / name).mkdir()
+        writers = open_writers(tmp_path / name)
+        for pictures in map(render, map(pose, numbers)):
+            for writer, picture in zip(writers.values(), pictures, strict=True):
+                for _ in range(HELD):
+                    writer.write(picture[..., ::-1])
+        for writer in writers.values():
+            writer.release()
+    told = []
+    for name in ("first", "second"):
+        films = [str(tmp_path / name / f"{side}.avi") for side in ("left", "right")]
+        options = ["--board", "10x7", "--square", "30", "--page", "0", "--out", str(tmp_path / "out")]
+        assert main(["capture", *films, *options]) == 0
+        told.append(capsys.readouterr())
+    assert "open http://127.0.0.1:" in told[0].err
+    assert "pair 2: left0002.png, right0002.png" in told[0].out
+    assert "missing: 8 of at least 10 pairs" in told[0].out
+    assert "missing, left camera: no corner near the top of the picture" in told[0].out
+    assert "2 pairs with the board are in" in told[1].err
+    assert "pair 3: left0003.png" in told[1].out and "pair 4" not in told[1].out  # the fourth pose again
+    assert "missing: 7 of at least 10 pairs" in told[1].out
+    assert sorted(path.name for path in (tmp_path / "out").glob("right*")) == [f"right000{n}.png" for n in (1, 2, 3)]
+
+
+def test_films_of_a_moving_board_give_exactly_the_right_pairs(tmp_path):
+    writers = open_writers(tmp_path)
     windows, number = [], 0
 
     def film(pictures, times):

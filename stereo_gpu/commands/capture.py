@@ -17,6 +17,7 @@ from stereo_gpu.progress import CLEAR_LINE
 
 if TYPE_CHECKING:
     from stereo_gpu.capture import Recording
+    from stereo_gpu.recording.board_watch import BoardChooser
     from stereo_gpu.recording.choosers import Chooser
     from stereo_gpu.recording.pair_writer import Taken
 
@@ -42,8 +43,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--square", type=float, metavar="MM", help="with --board: side of a square, mm")
     parser.add_argument("--marker", type=float, metavar="MM", help="with --board: side of a ChArUco board's marker, mm")
     parser.add_argument("--dictionary", metavar="5x5_250", help="with --marker: the markers' dictionary")
-    parser.add_argument("--page", metavar="[ADDRESS:]PORT", help="with --board: where its page is; by default local")
-    parser.add_argument("--no-page", action="store_true", help="with --board: serve no page")
+    page = parser.add_mutually_exclusive_group()
+    page.add_argument("--page", metavar="[ADDRESS:]PORT", help="with --board: where its page is; by default local")
+    page.add_argument("--no-page", action="store_true", help="with --board: serve no page")
     parser.add_argument(
         "--count", type=int, help=f"how many pairs ({USUAL_COUNT}; with --every, --on-key and --board no limit)"
     )
@@ -68,6 +70,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Take pairs of pictures."""
     from stereo_gpu.capture import MAX_SKEW_MS, capture
+    from stereo_gpu.recording.board_watch import BoardChooser
     from stereo_gpu.recording.settings import CameraSettings
 
     _check(options)
@@ -105,6 +108,8 @@ def run(options: argparse.Namespace) -> None:
             on_status=lines.status,
         )
     _sum_up(recording, options)
+    if isinstance(chooser, BoardChooser):
+        _say_what_is_missing(chooser)
     if signals and (count is not None or signal.SIGTERM in signals):
         # Where no count was asked for, Ctrl-C is the way to end.
         raise KeyboardInterrupt
@@ -155,7 +160,22 @@ def _chooser(options: argparse.Namespace, stack: ExitStack) -> tuple[Chooser | N
         shows.append(page.show)
     # In a folder every picture may show another pose, so that nothing ever holds still.
     still = not Path(options.left).is_dir()
-    return BoardChooser(board, still=still, shows=shows), False
+    chooser = BoardChooser(board, still=still, shows=shows)
+    _count_in(chooser, options.out)
+    return chooser, False
+
+
+def _count_in(chooser: BoardChooser, folder: Path) -> None:
+    """Let the pairs of an earlier run into the same folder count."""
+    from stereo_gpu.images import read_image
+
+    known = 0
+    for left in sorted(folder.glob("left*.png")):
+        right = left.with_name(f"right{left.name.removeprefix('left')}")
+        if right.is_file():
+            known += chooser.count_in(read_image(left), read_image(right))
+    if known:
+        print(f"stereo-gpu: {known} pairs with the board are in {folder} and count", file=sys.stderr, flush=True)
 
 
 class _Lines:
@@ -223,6 +243,20 @@ def _sum_up(recording: Recording, options: argparse.Namespace) -> None:
         print(
             "most pairs were dropped: set both cameras to one --fps, or raise --max-skew if nothing moves before them"
         )
+
+
+def _say_what_is_missing(chooser: BoardChooser) -> None:
+    from stereo_gpu.calibration.pair_coverage import FEWEST_PAIRS, SIDES
+
+    if chooser.coverage is None:
+        return
+    if chooser.coverage.pairs < FEWEST_PAIRS:
+        print(f"missing: {FEWEST_PAIRS - chooser.coverage.pairs} of at least {FEWEST_PAIRS} pairs")
+    for side, lacks in zip(SIDES, chooser.coverage.missing(), strict=True):
+        for lack in lacks:
+            print(f"missing, {side} camera: {lack}")
+    if not chooser.done:
+        print("a new run into the same folder goes on from here")
 
 
 def _size(text: str) -> tuple[int, int]:

@@ -14,7 +14,7 @@ from stereo_gpu.errors import InputError
 from stereo_gpu.images import grey
 from stereo_gpu.recording.frames import StereoFrame
 from stereo_gpu.recording.quick_find import QuickFinder, shrink
-from stereo_gpu.types import Bytes, Ints
+from stereo_gpu.types import Bytes, Ints, Picture
 
 STILL_PX = 1.0  # of a picture 640 px wide: all that a still board may move
 STILL_S = 0.25  # for so long; at these limits 10 ms between the cameras' pictures make 0.04 px
@@ -84,7 +84,7 @@ class BoardChooser:
         Raises:
             InputError: the pictures changed their size.
         """
-        coverage = self._coverage_of(frame)
+        coverage = self._coverage_of(frame.left)
         flats = grey(frame.left), grey(frame.right)
         views = self._finders[0].find(flats[0]), self._finders[1].find(flats[1])
         self._status, taken = self._judge(frame, flats, views, coverage)
@@ -105,6 +105,19 @@ class BoardChooser:
                 show(look)
         return taken
 
+    def count_in(self, left: Picture, right: Picture) -> bool:
+        """Count in a pair that was taken before, so that none like it is taken again; False if it shows no board.
+
+        Raises:
+            InputError: its pictures differ in size from those before.
+        """
+        coverage = self._coverage_of(left)
+        views = self._finders[0].find(grey(left)), self._finders[1].find(grey(right))
+        if views[0] is None or views[1] is None:
+            return False
+        coverage.add(views[0], views[1])
+        return True
+
     @property
     def done(self) -> bool:
         """Whether both cameras' views cover enough."""
@@ -120,8 +133,8 @@ class BoardChooser:
         """What was taken so far; None before the first picture."""
         return self._coverage
 
-    def _coverage_of(self, frame: StereoFrame) -> PairCoverage:
-        size = frame.left.shape[1], frame.left.shape[0]
+    def _coverage_of(self, picture: Picture) -> PairCoverage:
+        size = picture.shape[1], picture.shape[0]
         if self._coverage is None:
             self._coverage = PairCoverage(size, self._board)
         before = self._coverage.size
