@@ -5,6 +5,8 @@ import pytest
 
 from stereo_gpu.calibration.board import Board
 from stereo_gpu.calibration.checkerboard import survey_checkerboard
+from stereo_gpu.calibration.crossings import largest_grid
+from stereo_gpu.calibration.hints import Hint, common_hint
 from stereo_gpu.errors import InputError
 
 BOARD = Board(columns=10, rows=7, square=30.0)
@@ -110,6 +112,44 @@ def test_no_board():
 
 def test_the_survey_says_which_board_it_is(view):
     assert survey_checkerboard(view[0]) == (10, 7)
+
+
+def test_a_glance_tells_a_board_from_clutter(view):
+    # All but the four ends are linked to two neighbours.
+    assert 50 <= largest_grid(view[0], 1000) <= 60
+    blurred = cv2.GaussianBlur(view[0], (0, 0), 3)
+    assert largest_grid(blurred, 1000) >= 50
+    random = np.random.default_rng(1)
+    noise = random.integers(0, 255, (360, 480), np.uint8)
+    assert largest_grid(noise, 1000) < 20
+    assert largest_grid(cv2.GaussianBlur(noise, (0, 0), 4), 1000) < 20
+    assert largest_grid(np.full((360, 480), 90, np.uint8), 1000) == 0
+    stripes = np.tile(np.where(np.arange(480) % 40 < 20, 60, 190).astype(np.uint8), (360, 1))
+    assert largest_grid(stripes, 1000) == 0
+
+
+def test_real_pictures_without_a_board_are_refused_at_a_glance(data):
+    from stereo_gpu.images import grey, read_image
+
+    for name in ("teddy/im2.png", "motorcycle/motorcycle_left.png", "aloe_light/left.png", "tsukuba/im3.png"):
+        assert largest_grid(grey(read_image(data / "stereo" / name)), 1000) < 30  # a 10x7 board asks for 35
+
+
+def test_a_hint_needs_half_of_the_pictures():
+    chance, other = Hint("4x4", "say 4x4"), Hint("rows", "found 7 rows", 7)
+    assert common_hint([chance, None, None, None, chance]) == ""
+    assert common_hint([None, None]) == ""
+    assert common_hint([other, Hint("rows", "found 8 rows", 8), chance, other]) == "found 8 rows"
+    assert common_hint([other, other, None], share=1.0) == ""
+
+
+def test_pictures_without_a_board_suggest_none(data):
+    from stereo_gpu.images import read_image
+
+    clutter = [read_image(data / "stereo" / name) for name in ("aloe_light/left.png", "tsukuba/im3.png")]
+    hints = [BOARD.hint(picture, None) for picture in clutter]
+    assert common_hint([*hints, None, None, None]) == ""
+    assert all(BOARD.find(picture) is None for picture in clutter)
 
 
 def test_every_real_board_is_found(data):

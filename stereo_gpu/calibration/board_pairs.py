@@ -20,6 +20,7 @@ from stereo_gpu.types import Picture
 FEWEST_PAIRS = 3
 FEWEST_IN_BOTH = 6  # corners that both cameras see
 SURVEYED_PAIRS = 5  # looked at first, for boards of any size, so that a wrong count shows early
+AGREEING_PAIRS = 2  # of them, if all pictures show the same other board
 
 Source = str | os.PathLike[str] | Picture
 Progress = Callable[[int, int], None]
@@ -91,10 +92,12 @@ def find_pairs(
             if progress is not None:
                 progress(2 * len(pairs) - 1 + side, 2 * count)
         _leave_out_blank(pair)
-        if len(pairs) == len(first):
-            _refuse_other_board(hints, board)
+        if number in first and len(pairs) >= AGREEING_PAIRS:
+            # All of a few pictures are enough; else half of those that are looked at first.
+            _refuse_other_board(hints, board, 0.5 if len(pairs) == len(first) else 1.0)
     found = [pairs[number] for number in range(count)]
     _refuse_too_few(found, board)
+    _tell_layout(found)
     return found, sizes
 
 
@@ -129,9 +132,9 @@ def _leave_out_blank(pair: BoardPair) -> None:
         pair.drop(f"left and right see {common} corners of the board in common, {FEWEST_IN_BOTH} are needed")
 
 
-def _refuse_other_board(hints: list[Hint | None], board: Board) -> None:
-    """Stop early if the pictures show another board, of which this one may be a part."""
-    hint = common_hint(hints)
+def _refuse_other_board(hints: list[Hint | None], board: Board, share: float) -> None:
+    """Stop early if so many pictures show another board, of which this one may be a part."""
+    hint = common_hint(hints, share)
     if hint:
         raise CalibrationError(f"looked for a board of {board.described}, {hint}")
 
@@ -146,3 +149,18 @@ def _refuse_too_few(pairs: list[BoardPair], board: Board) -> None:
         f" {2 * len(pairs)} pictures do), {FEWEST_PAIRS} are needed: give the squares as printed, and take"
         " pictures that show all of them"
     )
+
+
+def _tell_layout(pairs: list[BoardPair]) -> None:
+    """Say which of OpenCV's two layouts of markers was found, where it is not today's."""
+    views = [view for pair in pairs for view in pair.views if view is not None]
+    legacy = sum(view.legacy for view in views)
+    if 0 < legacy < len(views):
+        logger.warning(
+            "%d of %d pictures show markers as OpenCV before 4.6 drew them, the others as it does now: are these two"
+            " boards?",
+            legacy,
+            len(views),
+        )
+    elif legacy:
+        logger.info("the markers stand as OpenCV before 4.6 drew them: top left square white")

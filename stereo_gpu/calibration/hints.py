@@ -22,15 +22,16 @@ class Hint:
     weight: int = 0
 
 
-def common_hint(hints: Sequence[Hint | None]) -> str:
-    """The text on which at least half of the pictures agree; "" without such agreement.
+def common_hint(hints: Sequence[Hint | None], share: float = 0.5) -> str:
+    """The text on which at least such a share of the pictures agree; "" without such agreement.
 
     A chance find in a few pictures is no reason to doubt what was said of the board.
 
     Args:
-        hints: one a picture; None where it seems to show the board.
+        hints: one a picture; None where it seems to show the board, or none.
+        share: of all pictures.
     """
     [(about, often)] = Counter(hint.about for hint in hints if hint is not None).most_common(1) or [("", 0)]
-    if not often or 2 * often < len(hints):
+    if not often or often < share * len(hints):
         return ""
     return max((hint for hint in hints if hint is not None and hint.about == about), key=lambda hint: hint.weight).text
