@@ -22,7 +22,7 @@ from stereo_gpu.types import Doubles, Ints, Picture
 FEWEST = 40  # features that agree
 SPREAD = 0.2  # of the picture's width and height, which the middle nine tenths of the features must span
 FOLDS = 5
-BETTER = 0.95  # of the error before, on features held out: a correction must reach this
+SURE = 2.0  # standard deviations by which a correction must help the features held out
 # What may be corrected, in steps; a step is taken only if it lowers the error on features held out to this share.
 # Pitch and roll move rows all over the frame. Yaw and the camera's place barely do, so that a lens model that is off
 # by a twentieth of a pixel can pass for them, and yaw makes all depths wrong.
@@ -98,7 +98,7 @@ def refine_rig(left: Picture, right: Picture, rig: Rig, *, checked: RigCheck | N
     after = float(np.median(np.abs(errors)))
     drift, _ = fit_drift(*sides, rig, focal, weights=weights, free=free)
     drift = dataclasses.replace(drift, deviations=np.maximum(drift.deviations, spread))
-    if after > BETTER * before:
+    if after > before or _gain(checked.vertical, errors, cells, weights) < SURE:
         nothing = Drift(turn=np.zeros(3), move=np.zeros(2), deviations=drift.deviations)
         return Refinement(
             rig=rig,
@@ -173,6 +173,14 @@ def _held_out(
 def _mean(errors: Doubles) -> float:
     """Mean error, a wrong match counting as 1 px; it tells two fits to the same features apart better than medians."""
     return float(np.minimum(np.abs(errors), 1.0).mean())
+
+
+def _gain(before: Doubles, after: Doubles, cells: Ints, weights: Doubles) -> float:
+    """By how many of its own standard deviations the mean error fell, each cell counting as one witness."""
+    most = max(1.0, 3 * float(np.median(np.abs(before))))
+    fell = np.bincount(cells, weights**2 * (np.minimum(np.abs(before), most) - np.fmin(np.abs(after), most)))
+    spread = float(np.linalg.norm(fell))
+    return float(fell.sum()) / spread if spread > 0 else 0.0
 
 
 def _folds(cells: Ints) -> NDArray[np.intp]:

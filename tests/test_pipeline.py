@@ -11,10 +11,10 @@ import trimesh
 
 import stereo_gpu as sg
 from stereo_gpu.advice import find_warnings
-from stereo_gpu.check import PairCheck
 from stereo_gpu.errors import InputError, StageError
 from stereo_gpu.pfm import read_pfm
 from stereo_gpu.pipeline import STAGES
+from stereo_gpu.rig_check import Verdict
 from stereo_gpu.scene_truth import measure_surface
 
 QUICK = {"profile": "fast", "disparities": (20, 44), "mesh": sg.MeshOptions(faces=4000, unwrap="view")}
@@ -75,7 +75,18 @@ def test_every_file_is_there_and_can_be_loaded(made, raw_folder, tmp_path):
     assert cv2.imread(str(out / "disparity.png")).shape[0] >= 240
     assert b"VTKFile" in (out / "surface.vtp").read_bytes()[:200]
     page = (out / "report.html").read_text("utf-8")
-    for shown in ("Originals", "Rectified", "Masked", "Disparity", "Cloud", "Mesh", "Smoothed", "Textured", "srcdoc"):
+    for shown in (
+        "Originals",
+        "Check",
+        "Rectified",
+        "Masked",
+        "Disparity",
+        "Cloud",
+        "Mesh",
+        "Smoothed",
+        "Textured",
+        "srcdoc",
+    ):
         assert shown in page
     record = json.loads((out / "result.json").read_text())
     assert record["inputs"]["left"] == {
@@ -91,6 +102,7 @@ def test_every_file_is_there_and_can_be_loaded(made, raw_folder, tmp_path):
     assert record["options"]["mesh.unwrap_used"] == "xatlas"
     assert record["geometry"]["baseline"] == pytest.approx(100.0, abs=0.1) and record["geometry"]["unit"] == "mm"
     assert record["vertical_px"] < 0.5
+    assert record["check"]["verdict"] == "good" and record["check"]["vertical_px"] == record["vertical_px"]
     assert record["warnings"] == []
 
 
@@ -217,6 +229,35 @@ def test_wrong_pictures(small_scene, pictures, tmp_path):
             sg.reconstruct(*pair, small_scene.rig, **QUICK)
 
 
+def test_a_rig_that_does_not_fit_warns_and_then_is_refused(small_scene, pictures):
+    rigs = {}
+    for degrees in (0.2, 0.6):
+        turn = cv2.Rodrigues(np.array([np.radians(degrees), 0, 0]))[0]
+        rigs[degrees] = dataclasses.replace(small_scene.rig, R=turn @ small_scene.rig.R, T=turn @ small_scene.rig.T)
+    doubtful = sg.reconstruct(*pictures, rigs[0.2], **QUICK)
+    assert 0.5 < doubtful.checked.vertical_px <= 2 and doubtful.checked.verdict is Verdict.DOUBTFUL
+    assert any("shifted down by" in told and "--refine" in told for told in doubtful.warnings)
+    with pytest.raises(InputError, match=r"rows differ by 3\.\d\d px .* shifted down by 3\.\d px .* --ignore-check"):
+        sg.reconstruct(*pictures, rigs[0.6], **QUICK)
+    forced = sg.reconstruct(*pictures, rigs[0.6], ignore_check=True, **QUICK)
+    assert forced.checked.verdict is Verdict.BAD and any("shifted down by 3" in told for told in forced.warnings)
+    refined = sg.refine_rig(*pictures, rigs[0.6]).rig
+    assert sg.reconstruct(*pictures, refined, **QUICK).warnings == []
+
+
+def test_few_features_warn_and_go_on(small_scene, pictures):
+    """A pair of which only a patch has texture: the check says that it knows nothing, and matching goes on."""
+    blank = []
+    for picture, start in zip(pictures, (120, 90), strict=True):
+        only = np.full_like(picture, 128)
+        only[100:124, start : start + 40] = picture[100:124, start : start + 40]
+        blank.append(only)
+    result = sg.reconstruct(*blank, small_scene.rig, **QUICK)
+    assert result.checked.verdict is Verdict.UNKNOWN
+    assert result.record()["check"]["verdict"] == "unknown" and result.record()["vertical_px"] is None
+    assert any("Nothing can be said of the rig" in told for told in result.warnings)
+
+
 def test_nothing_to_make_a_mesh_of(small_scene):
     flat = np.full((240, 320), 90, np.uint8)
     for profile in ("fast", "precise"):
@@ -234,13 +275,11 @@ def test_precise_is_nearer_to_the_truth_than_fast(small_scene, pictures):
 
 
 def test_warnings_say_what_is_wrong(made):
-    well = PairCheck(matches=100, vertical_px=0.1, behind=0.0)
+    well = made.checked
+    assert well.verdict is Verdict.GOOD
     assert find_warnings(well, made.disparity, None) == []
-    (moved,) = find_warnings(dataclasses.replace(well, vertical_px=2.5), made.disparity, None)
-    assert "2.50 px in height" in moved
-    unknown = PairCheck(matches=3, vertical_px=float("nan"), behind=float("nan"))
-    (unchecked,) = find_warnings(unknown, made.disparity, None)
-    assert "Only 3 features" in unchecked
+    told = dataclasses.replace(well, verdict=Verdict.DOUBTFUL, says="rows differ by 1.50 px")
+    assert find_warnings(told, made.disparity, None) == ["Rows differ by 1.50 px."]
     tight = dataclasses.replace(made.disparity, smallest=34, disparities=8)
     low, high = find_warnings(well, tight, None)
     assert "at the smallest one" in low and "at the largest one" in high

@@ -94,7 +94,7 @@ def fit_drift(
         noise = max(LEAST_NOISE_PX, _TO_SPREAD * float(np.median(np.abs(left))))
     every, deviations = np.zeros(5), np.zeros(5)
     every[chosen] = found
-    deviations[chosen] = np.sqrt(np.diag(np.linalg.inv(fit.jac.T @ fit.jac)))
+    deviations[chosen] = np.linalg.norm(np.linalg.pinv(fit.jac), axis=1)
     return Drift(turn=every[:3], move=every[3:], deviations=deviations), left
 
 

@@ -72,7 +72,8 @@ def _levelled(picture: Picture) -> tuple[Bytes, Doubles]:
     small = cv2.resize(flat, size, interpolation=cv2.INTER_AREA) if shrink < 1 else flat
     values = small.astype(np.float32)
     values -= cv2.blur(values, (LOCAL, LOCAL))
-    spread = np.sqrt(cv2.blur(values * values, (LOCAL, LOCAL)))
+    # The box's running sums may end a hair below zero where all is flat.
+    spread = np.sqrt(np.maximum(cv2.blur(values * values, (LOCAL, LOCAL)), 0))
     levelled: Bytes = np.clip(values / (spread + NOISE) * 40 + 128, 0, 255).astype(np.uint8)
     return levelled, np.array(size, np.float64) / flat.shape[::-1]
 
