@@ -58,11 +58,17 @@
     draw();
   };
 
+  // Not movementX, which some browsers leave at zero for fingers.
+  let last = [0, 0];
   scene.addEventListener("pointerdown", (event) => {
-    if (event.button === 0) scene.setPointerCapture(event.pointerId);
+    if (event.button !== 0) return;
+    scene.setPointerCapture(event.pointerId);
+    last = [event.clientX, event.clientY];
   });
   scene.addEventListener("pointermove", (event) => {
-    if (scene.hasPointerCapture(event.pointerId)) turn(-event.movementX / 150, event.movementY / 150);
+    if (!scene.hasPointerCapture(event.pointerId)) return;
+    turn((last[0] - event.clientX) / 150, (event.clientY - last[1]) / 150);
+    last = [event.clientX, event.clientY];
   });
   const keys = { ArrowLeft: [0.1, 0], ArrowRight: [-0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1] };
   scene.addEventListener("keydown", (event) => {
