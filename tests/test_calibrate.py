@@ -148,7 +148,7 @@ def test_lists_that_cannot_be_pairs(taken):
 
 def test_pictures_that_cannot_be_used(taken, tmp_path):
     left, right = taken
-    with pytest.raises(PictureError, match=r"left 9 is 471 x 360 px, the left ones before were 480 x 360"):
+    with pytest.raises(PictureError, match=r"8 of 9 are 480 x 360 px, but left 9 is 471 x 360"):
         calibrate([*left[:8], left[8][:, 9:]], right, BOARD)
     with pytest.raises(PictureError, match="right 1 is 1 x 1 px"):
         calibrate(left, [right[0][:1, :1], *right[1:]], BOARD)

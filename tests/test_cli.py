@@ -265,7 +265,7 @@ def test_calibrate_writes_a_rig(capsys, tmp_path, data):
     rig = Rig.load(out)
     assert rig.left.size == (640, 480)
     assert 95 < rig.baseline < 105
-    assert [path.name for path in tmp_path.iterdir()] == ["rig.json"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["rig.html", "rig.json"]
 
 
 @pytest.mark.parametrize("kind", ["colour", "grey", "deep", "alpha"])

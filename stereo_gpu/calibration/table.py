@@ -42,7 +42,7 @@ def calibration_table(calibration: Calibration) -> list[str]:
     if calibration.depth is not None:
         distance, deviation = calibration.depth
         lines.append(
-            f"depth: at {distance:.4g} {rig.unit} certain to {deviation:.2g} {rig.unit}, by the calibration alone"
+            f"depth: at {distance:.3g} {rig.unit} certain to {deviation:.2g} {rig.unit}, as far as the calibration goes"
         )
     if calibration.models is not None:
         models = calibration.models
