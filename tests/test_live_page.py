@@ -272,6 +272,25 @@ def test_nothing_is_encoded_while_nobody_looks(page, chooser, pictures, monkeypa
     assert len(page._looks) == 0
 
 
+def test_whoever_looks_hears_the_last_word(pictures, monkeypatch):
+    monkeypatch.setattr(live_page, "LAST_WORD_S", 60)
+    with LivePage(BOARD, port=0) as page:
+        chooser = BoardChooser(BOARD, still=False, shows=[page.show])
+        state(page)
+        told = []
+
+        def poll():
+            while not told or told[-1]["number"] != 1:
+                time.sleep(0.2)  # so that the last look comes between two questions
+                told.append(state(page))
+
+        client = threading.Thread(target=poll)
+        client.start()
+        chooser.choose(frame(1, pictures))
+    client.join(10)
+    assert not client.is_alive() and told[-1]["pairs"] == 1
+
+
 def test_it_is_gone_when_closed(pictures):
     before = threading.active_count()
     with LivePage(BOARD, port=0) as page:

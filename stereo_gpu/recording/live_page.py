@@ -37,6 +37,7 @@ QUALITY = 80  # of JPEG
 LOOKS_KEPT = 8  # since a picture is asked for a little later than the JSON that names it
 PAIRS_KEPT = 8
 CLIENT_S = 5.0  # somebody looks if he has asked for something within so long
+LAST_WORD_S = 1.0  # at the end, somebody who looks gets so long to ask once more
 IDLE_S = 10.0  # a connection on which nothing moves for so long is closed
 MOST_CONNECTIONS = 24
 LOCAL_NAMES = {"localhost", "127.0.0.1", "[::1]"}
@@ -68,6 +69,7 @@ class LivePage:
         self._pairs: deque[tuple[int, tuple[bytes, bytes]]] = deque(maxlen=PAIRS_KEPT)
         self._newest: Look | None = None
         self._asked_s = float("-inf")
+        self._told = 0  # number of the moment that was asked for last
         self._server = _listen(host, port)
         self._server.page = self
         self.host, self.port = host, int(self._server.server_address[1])
@@ -105,9 +107,17 @@ class LivePage:
                 self._looks.append(_Shown(look, self._board))
 
     def close(self) -> None:
-        """Stop serving and give the port back."""
+        """Stop serving and give the port back; whoever looks is told the last word first."""
+        until = time.monotonic() + LAST_WORD_S
+        while self._last_word_waits() and time.monotonic() < until:
+            time.sleep(0.02)
         self._server.shutdown()
         self._server.server_close()
+
+    def _last_word_waits(self) -> bool:
+        with self._lock:
+            looking = time.monotonic() - self._asked_s < LAST_WORD_S
+            return looking and self._newest is not None and self._newest.frame.number != self._told
 
     def state(self) -> bytes:
         """What the page draws, as JSON."""
@@ -117,6 +127,7 @@ class LivePage:
                 return json.dumps({"number": 0, "status": "waiting for the first pictures"}).encode()
             if not self._looks or self._looks[-1].number != self._newest.frame.number:
                 self._looks.append(_Shown(self._newest, self._board))
+            self._told = self._looks[-1].number
             return json.dumps({**self._looks[-1].state, "recent": [number for number, _ in self._pairs]}).encode()
 
     def picture(self, side: int, number: int | None) -> bytes | None:
