@@ -314,7 +314,7 @@ OPENCV = [
     ("0.0, 321.1", "1e999, 321.1", "M1 holds 1e999"),
     ("0.0, 321.1", "5.0, 321.1", "left camera: matrix has skew"),
     ("0.0, 321.1", "1_0, 321.1", "M1 holds '1_0': it must be a number"),
-    ("321.1", "321.1, 7", "10 given"),
+    ("321.1", "321.1, 7", "M1 has 3 x 3 rows and columns, 10 numbers"),
     ("321.1", "1e9", "principal point at"),
     ("321.1", "[321.1, {}]", "M1 holds"),
     ("533.3333333333334", "0.0", "focal length fx = 0"),
@@ -388,6 +388,7 @@ FOREIGN = [
     (b'{"format": "stereo-gpu rig"}', "version"),
     (b"%YAML:1.0\n---\n", "no calibration|no content|no named values"),
     (b"hello", "no named values"),
+    (b"a: 1" + b"\n" * 1_000_000, "does not hold two cameras"),  # a pattern may not look at each line's whole rest
     (b"\xff\xfeabc", "no calibration"),
     (b"cam0=[1 0 0]\nwhat is this", "line 2"),
     (b"cam0=[1 0 0]\ncam0=[2 0 0]", "cam0 stands twice"),

@@ -32,8 +32,8 @@ Paths = str | os.PathLike[str]
 PAIRS = (("left", "right"), ("intrinsics", "extrinsics"))
 SUFFIXES = (".yaml", ".yml", ".xml")
 LINES = {
-    "middlebury": re.compile(rb"^\s*cam[01]\s*=", re.MULTILINE),
-    "kitti": re.compile(rb"^\s*(P[0-3]|[KDRTS]_\d\d|P_rect_\d\d)\s*:\s*[-+.\d]", re.MULTILINE),
+    "middlebury": re.compile(rb"^[ \t]*cam[01][ \t]*=", re.MULTILINE),
+    "kitti": re.compile(rb"^[ \t]*(P[0-3]|[KDRTS]_\d\d|P_rect_\d\d)[ \t]*:[ \t]*[-+.\d]", re.MULTILINE),
 }
 
 logger = logging.getLogger(__name__)

@@ -86,9 +86,11 @@ def matrix(name: str, tree: Tree, *shapes: tuple[int, ...]) -> Doubles:
     for shape in shapes:
         if values.size == math.prod(shape) and (not layout or long == [side for side in shape if side != 1]):
             return values.reshape(shape)
-    seen = " x ".join(map(str, layout)) if layout else f"{values.size}"
+    seen = f"{values.size} numbers"
+    if layout:
+        seen = f"{' x '.join(map(str, layout)):.40} rows and columns, {values.size} numbers"
     wanted = " or ".join(" x ".join(map(str, shape)) for shape in shapes)
-    raise InputError(f"{name} has {seen:.40} numbers ({values.size} given): it must have {wanted}")
+    raise InputError(f"{name} has {seen}: it must have {wanted}")
 
 
 def shorten(value: object) -> str:
