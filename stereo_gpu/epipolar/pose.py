@@ -64,7 +64,7 @@ def estimate_pose(points_left: ArrayLike, points_right: ArrayLike, camera_left: 
     if int(near.sum()) < FEWEST:
         raise StageError(f"no pose fits {FEWEST} of {len(left)} matches: give pictures that show the same things")
     # Poses far apart can fit nearly as well where most of the points lie in a plane: so all of them are refined.
-    (R, t), fit = best_of([_refine(*pose, rays_left[near], rays_right[near], focal) for pose in starts])
+    (R, t), fit = best_of([refine_pose(*pose, rays_left[near], rays_right[near], focal) for pose in starts])
     noise = max(fit.noise, ROUNDING * focal)
     # What is so far away that noise may put it behind the cameras is no contradiction.
     ahead = focal * inverse_depths(R, t, rays_left, rays_right) > -WITHIN * noise
@@ -153,7 +153,7 @@ def pose_distances(R: Doubles, t: Doubles, rays_left: Doubles, rays_right: Doubl
     return focal * sampson_distances(cross_matrix(t) @ R, rays_left, rays_right)
 
 
-def _refine(
+def refine_pose(
     R: Doubles, t: Doubles, rays_left: Doubles, rays_right: Doubles, focal: float
 ) -> tuple[tuple[Doubles, Doubles], Fit]:
     """The pose of least Sampson distances near this one."""

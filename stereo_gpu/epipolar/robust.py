@@ -79,15 +79,16 @@ def fit_robustly(
 
 
 def best_of(fits: Sequence[tuple[Model, Fit]]) -> tuple[Model, Fit]:
-    """The model that fits most of the same points well, where the smallest noise of all is taken for all.
+    """The model that fits most of the same points well, where the smallest noise of all is taken for all."""
+    noise = min(fit.noise for _, fit in fits)
+    return min(fits, key=lambda each: misfit(each[1], noise))
+
+
+def misfit(fit: Fit, noise: float) -> float:
+    """About how many points do not fit, where residuals as large as `noise` count half; surprises count too.
 
     The loss is that of Geman and McClure (1987), which ends at 1: a wrong match must not tell how wrong it is. With
     Cauchy's, matches of OpenCV's plain SIFT chose a pose 3 degrees off that was less than a pixel wrong all over.
     """
-    noise = min(fit.noise for _, fit in fits)
-
-    def cost(each: tuple[Model, Fit]) -> float:
-        squares = (each[1].residuals / noise) ** 2
-        return float((squares / (1 + squares)).sum()) + each[1].surprise
-
-    return min(fits, key=cost)
+    squares = (fit.residuals / noise) ** 2
+    return float((squares / (1 + squares)).sum()) + fit.surprise

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -15,9 +16,10 @@ from stereo_gpu.epipolar.pose import (
     inverse_depths,
     misfit_of_turn,
     pose_distances,
+    refine_pose,
     undistort,
 )
-from stereo_gpu.epipolar.robust import WITHIN, Fit, best_of, fit_robustly
+from stereo_gpu.epipolar.robust import WITHIN, Fit, best_of, fit_robustly, misfit
 from stereo_gpu.epipolar.sharpen import sharpen_matches
 from stereo_gpu.errors import InputError, StageError
 from stereo_gpu.images import check_pair
@@ -30,9 +32,11 @@ FEWEST = 30  # matches: of a board alone a few fit by chance, and then even left
 LIKELY_TURN = 0.2  # rad: standard deviation of each angle between two cameras side by side
 LIKELY_LEAN = 0.15  # of the baseline: how far one stands above or before the other
 LIKELY_BEND = 0.15  # k1 of a lens, where one unit is the focal length
-LENS_GAIN = 0.8  # a bent lens must lower the noise to this, or both are taken for straight
+LENS_GAIN = 4.0  # matches that a lens that bends must fit besides, or both are taken for straight
 START_PX = 1.0
 COARSEST = 0.004  # of the longer side: noise above it is no epipolar geometry
+LEAN_GAIN = 0.1  # of the matches: that cameras above or before each other must fit besides, to be believed
+MOST_FITTED = 1000  # matches
 MOST_BEHIND = 0.8  # share of the matches behind the cameras from which on the pictures are swapped
 
 
@@ -91,8 +95,8 @@ def rig_from_points(
     equal focal length, with square pixels and the principal point in the middle, so that the pictures are only turned
     and keep their shape; Sampson distances decide on the five angles. Ours differs in two ways. Wrong matches are
     told by the noise of the others (Cauchy's loss), and cameras side by side are expected, which decides where a
-    repeated pattern or a plane leaves more than one answer. And a lens that bends lines (k1) is fitted where that
-    lowers the noise by a fifth. The focal length is not: the pairs tried left it open by 30 %.
+    repeated pattern or a plane leaves more than one answer. And a lens that bends lines (k1) is fitted where more
+    matches fit then. The focal length is not: the pairs tried left it open by 30 %.
 
     Args:
         points_left, points_right: (N, 2) px; some may be wrong.
@@ -109,13 +113,12 @@ def rig_from_points(
     if focal_px is not None and not 0.1 * longer <= focal_px <= 100 * longer:
         raise InputError(f"the focal length is {focal_px:g} px for pictures {longer} px long: give it in px, not mm")
     focal = float(GUESSED_FOCAL * longer if focal_px is None else focal_px)
-    rig, fit = _fit(left, right, size, focal, bent=False)
-    bent_rig, bent_fit = _fit(left, right, size, focal, bent=True)
-    if bent_fit.noise < LENS_GAIN * fit.noise:
-        rig, fit = bent_rig, bent_fit
+    # Evenly among those that are there: more make the fit slower, and hardly better.
+    some = slice(None, None, -(-len(left) // MOST_FITTED))
+    rig, fit = _likeliest(left[some], right[some], size, focal)
     rays_left, rays_right = undistort(left, rig.left), undistort(right, rig.right)
     disparities = focal * inverse_depths(rig.R, rig.T, rays_left, rays_right)
-    fits = np.abs(fit.residuals) <= WITHIN * fit.noise
+    fits = np.abs(pose_distances(rig.R, rig.T, rays_left, rays_right, focal)) <= WITHIN * fit.noise
     if fit.noise > COARSEST * longer or int(fits.sum()) < FEWEST:
         raise StageError(
             f"the best epipolar geometry fits {int(fits.sum())} of {len(left)} matches to {fit.noise:.2g} px, which is"
@@ -159,8 +162,40 @@ def vertical_errors(rig: Rig, points_left: Doubles, points_right: Doubles) -> Do
     return errors
 
 
-def _fit(left: Doubles, right: Doubles, size: tuple[int, int], focal: float, *, bent: bool) -> tuple[Rig, Fit]:
-    """The likeliest rig of two such cameras; with a lens that bends lines, or without."""
+def _likeliest(left: Doubles, right: Doubles, size: tuple[int, int], focal: float) -> tuple[Rig, Fit]:
+    """The rig of cameras side by side that fits most matches; its lens straight unless a bent one fits more.
+
+    Raises:
+        InputError: cameras that stand otherwise fit far more.
+    """
+    straight = _rig(np.zeros(5), size, focal)
+    rays = undistort(left, straight.left), undistort(right, straight.right)
+    poses = first_poses(*rays, focal)
+    (_, t), free = best_of([refine_pose(*pose, *rays, focal) for pose in poses])
+    fits = [_fit(left, right, size, focal, poses, bent=bent) for bent in (False, True)]
+    noise = min(free.noise, *(fit.noise for _, fit in fits))
+    costs = [misfit(fit, noise) for _, fit in fits]
+    best = int(costs[1] < costs[0] - LENS_GAIN)
+    across = int(np.abs(t[1:]).argmax()) + 1
+    if abs(t[0]) < abs(t[across]) and misfit(free, noise) < costs[best] - LEAN_GAIN * len(left):
+        stands = "above or below" if across == 1 else "in front of or behind"
+        raise InputError(
+            f"one camera stands {stands} the other rather than beside it (T points along {np.round(t, 2).tolist()}):"
+            " move it straight aside between the pictures"
+        )
+    return fits[best]
+
+
+def _fit(
+    left: Doubles,
+    right: Doubles,
+    size: tuple[int, int],
+    focal: float,
+    poses: Sequence[tuple[Doubles, Doubles]],
+    *,
+    bent: bool,
+) -> tuple[Rig, Fit]:
+    """The likeliest rig near one of these poses; with a lens that bends lines, or without."""
     deviations = np.array([LIKELY_TURN] * 3 + [LIKELY_LEAN] * 2 + [LIKELY_BEND] * bent)
 
     def compose(parameters: Doubles) -> Rig:
@@ -171,9 +206,8 @@ def _fit(left: Doubles, right: Doubles, size: tuple[int, int], focal: float, *, 
         rays = undistort(left, rig.left), undistort(right, rig.right)
         return pose_distances(rig.R, rig.T, *rays, focal)
 
-    straight = compose(np.zeros(5))
     fits = []
-    for R, t in first_poses(undistort(left, straight.left), undistort(right, straight.right), focal):
+    for R, t in poses:
         # Of t and -t, which fit alike, the one that has the left camera on the left.
         if abs(t[0]) < max(abs(t[1]), abs(t[2])):
             continue
