@@ -3,7 +3,7 @@
     python tests/camera_server.py PORT
 
 serves /NAME?fps=20&late_ms=0&lost=5-9&stall=40: pictures numbered by the computer's clock, so that all streams and
-later runs agree on what is when. `late_ms` delays all of them, `lost` leaves out numbers modulo 100, `stall` stops
+later runs agree on what is when. `late_ms` delays all of them, `lost` leaves out numbers modulo 30, `stall` stops
 for ever after so many. A picture shows its number as 16 black or white squares, the lowest bit first.
 """
 
@@ -17,6 +17,7 @@ import cv2
 import numpy as np
 
 BITS = 16
+CYCLE = 30  # pictures, after which the same ones are lost again
 SIZE = (160, 120)  # px
 BOUNDARY = b"picture"
 
@@ -61,7 +62,7 @@ class Camera(BaseHTTPRequestHandler):
                 time.sleep(max(0.0, number / fps + late_s - time.monotonic()))
                 if sent >= stall:
                     time.sleep(3600)
-                if number % 100 in lost:
+                if number % CYCLE in lost:
                     continue
                 _, jpeg = cv2.imencode(".jpg", numbered(number % 2**BITS))
                 head = b"--%s\r\nContent-Type: image/jpeg\r\nContent-Length: %d\r\n\r\n" % (BOUNDARY, len(jpeg))

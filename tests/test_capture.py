@@ -1,13 +1,9 @@
 """Taking pairs, with video files, folders and network streams as cameras."""
 
 import json
-import os
-import signal
 import struct
-import subprocess
 import sys
-import threading
-import time
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -16,7 +12,7 @@ import pytest
 from camera_server import number_of, numbered
 
 from stereo_gpu.capture import capture
-from stereo_gpu.errors import CameraError, InputError
+from stereo_gpu.errors import InputError
 from stereo_gpu.images import read_image
 
 SIZE = (64, 48)
@@ -32,7 +28,7 @@ def video(path, numbers, size=SIZE, rate=RATE, first=0):
     for number in numbers:
         writer.write(numbered(first + number, size))
     writer.release()
-    steps = [after - before for before, after in zip(numbers, numbers[1:], strict=False)] + [1]
+    steps = [*(after - before for before, after in pairwise(numbers)), 1]
     if set(steps) != {1}:
         set_times(path, steps)
     return str(path)
@@ -147,3 +143,129 @@ def test_pairs_too_far_apart_are_dropped_and_counted(tmp_path):
     assert kept.taken == 20 and kept.dropped == 0
     assert np.median(kept.skews_ms) == pytest.approx(1000 / 120, abs=0.1)
     assert "8.3 ms (median), 8.3 ms (95 %), 8.3 ms (largest)" in str(kept)
+
+
+def test_one_camera_with_both_views(tmp_path):
+    both = [np.hstack([numbered(number, SIZE), numbered(1000 + number, SIZE)]) for number in range(4)]
+    writer = cv2.VideoWriter(str(tmp_path / "both.avi"), cv2.VideoWriter.fourcc(*"MJPG"), RATE, (128, 48))
+    for picture in both:
+        writer.write(picture)
+    writer.release()
+    recording = capture(tmp_path / "both.avi", None, tmp_path / "out", count=None, interval=0)
+    assert seen(tmp_path / "out", listed(tmp_path / "out")) == [(number, 1000 + number) for number in range(4)]
+    assert recording.skews_ms.max() == 0
+    (tmp_path / "odd").mkdir()
+    cv2.imwrite(str(tmp_path / "odd" / "1.png"), np.zeros((48, 127, 3), np.uint8))
+    with pytest.raises(InputError, match=r"odd gives pictures 127 px wide"):
+        capture(tmp_path / "odd", None, tmp_path / "none")
+    assert not (tmp_path / "none").exists()
+
+
+def folder(path, names, numbers):
+    path.mkdir()
+    for name, number in zip(names, numbers, strict=True):
+        cv2.imwrite(str(path / name), numbered(number, SIZE))
+    return path
+
+
+def test_folders_that_count_the_same_moments(tmp_path):
+    kept = [number for number in range(1, 13) if number != 5]
+    left = folder(tmp_path / "l", [f"cam0_{number}.png" for number in range(1, 13)], range(1, 13))
+    right = folder(tmp_path / "r", [f"cam1_{number}.png" for number in kept], kept)
+    recording = capture(left, right, tmp_path / "out", count=None, interval=0)
+    assert seen(tmp_path / "out", listed(tmp_path / "out")) == [(number, number) for number in kept]
+    assert recording.unmatched == (1, 0)
+
+
+def test_folders_with_other_numbers_are_taken_in_order(tmp_path):
+    left = folder(tmp_path / "l", [f"dsc{number}.jpg" for number in (8, 9, 10)], (8, 9, 10))
+    right = folder(tmp_path / "r", [f"img{number}.jpg" for number in (71, 72, 73)], (71, 72, 73))
+    capture(left, right, tmp_path / "out", count=None, interval=0)
+    assert seen(tmp_path / "out", listed(tmp_path / "out")) == [(8, 71), (9, 72), (10, 73)]
+
+
+def test_folders_with_time_stamps_in_their_names(tmp_path):
+    stamps = [1403636579763555584 + 50_000_000 * number for number in range(4)]
+    left = folder(tmp_path / "l", [f"{stamp}.png" for stamp in stamps], range(4))
+    right = folder(tmp_path / "r", [f"{stamp + 3_000_000}.png" for stamp in stamps], range(4))
+    recording = capture(left, right, tmp_path / "out", count=None, interval=0.1)
+    assert seen(tmp_path / "out", listed(tmp_path / "out")) == [(0, 0), (2, 2)]
+    assert recording.skews_ms == pytest.approx([3, 3], abs=0.01)
+
+
+def test_sources_that_are_none_leave_nothing(films, tmp_path):
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "text.mp4").write_text("no film")
+    (tmp_path / "cut.mp4").write_bytes(Path(films[0]).read_bytes()[:300])
+    for left, right, says in (
+        (tmp_path / "no.avi", films[1], r"no\.avi' cannot be opened"),
+        ("/dev/video97", "/dev/video98", "'/dev/video97' cannot be opened"),
+        (97, 98, "'97' cannot be opened"),
+        (10**30, 98, "cannot be opened"),
+        (films[0], "", "'' cannot be opened"),
+        (films[0], "a\0b", "cannot be opened"),
+        (films[0], "/dev/video97", "left.mp4 is a video file, /dev/video97 is a camera or stream: their times"),
+        (films[0], tmp_path / "empty", "is a folder: their times"),
+        (tmp_path / "empty", tmp_path / "empty", "holds no picture"),
+        (tmp_path / "text.mp4", films[1], "cannot be opened"),
+        (tmp_path / "cut.mp4", films[1], "cannot be opened"),
+        (0, 0, "0 is given for both cameras"),
+        ("http://127.0.0.1:9/none", "http://127.0.0.1:9/no", "'http://127.0.0.1:9/none' cannot be opened"),
+    ):
+        with pytest.raises(InputError, match=says) as refused:
+            capture(left, right, tmp_path / "out")
+        assert "\n" not in str(refused.value)
+    assert not (tmp_path / "out").exists()
+
+
+def test_unequal_sizes_leave_nothing(films, tmp_path):
+    small = video(tmp_path / "small.mp4", range(9), size=(32, 48))
+    with pytest.raises(InputError, match=r"gives 64 x 48, .*small\.mp4 gives 32 x 48: set both cameras to one size"):
+        capture(films[0], small, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_wrong_options(films, tmp_path):
+    for option, says in (
+        ({"count": 0}, "count = 0"),
+        ({"interval": -1.0}, "interval = -1"),
+        ({"interval": float("nan")}, "interval = nan"),
+        ({"max_skew_ms": float("nan")}, "max_skew_ms = nan"),
+        ({"stall_s": 0.0}, "stall_s = 0"),
+        ({"patience_s": -1.0}, "patience_s = -1"),
+    ):
+        with pytest.raises(InputError, match=says):
+            capture(*films, tmp_path / "out", **option)
+    with pytest.raises(InputError, match="is a file"):
+        capture(*films, tmp_path / "left.mp4")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_film_that_is_cut_off_says_so(tmp_path):
+    writer = cv2.VideoWriter(str(tmp_path / "whole.avi"), cv2.VideoWriter.fourcc(*"MJPG"), RATE, SIZE)
+    for number in range(60):
+        writer.write(numbered(number, SIZE))
+    writer.release()
+    data = (tmp_path / "whole.avi").read_bytes()
+    (tmp_path / "cut.avi").write_bytes(data[: len(data) // 2])
+    recording = capture(tmp_path / "cut.avi", tmp_path / "whole.avi", tmp_path / "out", count=None, interval=0)
+    assert 10 < recording.taken < 50 and len(listed(tmp_path / "out")) == recording.taken
+    assert "of the 60 that it says it has; it may be cut off" in recording.ended
+
+
+def test_nothing_is_lost_at_60_a_second(tmp_path):
+    """Acceptance: 1,000 pairs of 640 x 480 from two films of 60 a second, none lost, the skew reported."""
+    size, count = (640, 480), 1000
+    films = [
+        video(tmp_path / f"{side}.mp4", range(count), size, first=first) for side, first in (("l", 0), ("r", 5000))
+    ]
+    recording = capture(*films, tmp_path / "out", count=None, interval=0)
+    assert recording.taken == count and recording.dropped == 0 and recording.unmatched == (0, 0)
+    assert recording.passed_over == 0 and recording.skews_ms.shape == (count,)
+    assert str(recording).startswith("1,000 pairs taken, 0 dropped for their skew; skew 0.0 ms (median)")
+    records = [json.loads(line) for line in (tmp_path / "out" / "pairs.jsonl").read_text().splitlines()]
+    assert [record["number"] for record in records] == list(range(1, count + 1))
+    assert {tuple(record["size"]) for record in records} == {size}
+    for at in (*range(0, count, 50), count - 1):
+        pair = [number_of(read_image(tmp_path / "out" / records[at][side])) for side in ("left", "right")]
+        assert pair == [at, 5000 + at]

@@ -68,6 +68,7 @@ class FolderSource:
     """A folder's pictures in the order of time."""
 
     live = False
+    stamped = True
     warm_up_s = 0.0
     refused: tuple[str, ...] = ()
 

@@ -33,12 +33,14 @@ class Grab(NamedTuple):
     Args:
         time_s: of the picture, seconds on the source's clock; None at the source's end.
         waited_s: how long the grab took: next to nothing if the picture had been waiting.
+        passed_over: how many pictures before it were waiting, if it was to drain them.
         anew: whether the source had failed and was opened again.
     """
 
     time_s: float | None
     waited_s: float
-    anew: bool
+    passed_over: int = 0
+    anew: bool = False
 
 
 class SourceThread:
@@ -63,7 +65,7 @@ class SourceThread:
         self.source: Source = self._wait(self._worker.open(opener), FIRST_LIMIT_S)
         self.name, self.live = self.source.name, self.source.live
         self._given = False  # whether it has ever given a picture
-        self._grab: Future[tuple[float | None, float]] | None = None
+        self._grab: Future[Grab] | None = None
 
     def start_grab(self) -> None:
         """Have the next picture grabbed; do not wait for it."""
@@ -72,12 +74,12 @@ class SourceThread:
     def start_drain(self, wait_s: float) -> None:
         """As `start_grab`, but pass over the pictures that are waiting: grab until a grab takes `wait_s` or longer."""
 
-        def drain() -> tuple[float | None, float]:
-            for _ in range(MOST_OLD):
-                time_s, waited_s = self._timed_grab()
-                if time_s is None or waited_s >= wait_s:
+        def drain() -> Grab:
+            for passed_over in range(MOST_OLD):
+                grab = self._timed_grab()._replace(passed_over=passed_over)
+                if grab.time_s is None or grab.waited_s >= wait_s:
                     break
-            return time_s, waited_s
+            return grab
 
         self._grab = self._worker.ask(drain)
 
@@ -92,19 +94,19 @@ class SourceThread:
         assert self._grab is not None
         limit_s = self._stall_s if self._given and self.live else FIRST_LIMIT_S
         try:
-            time_s, waited_s = self._wait(self._grab, limit_s)
+            grab = self._wait(self._grab, limit_s)
             trouble = "gives no more pictures"
         except TimeoutError:
-            time_s, waited_s, trouble = None, limit_s, f"has given no picture for {limit_s:g} s"
-        if time_s is not None:
+            grab, trouble = Grab(None, limit_s), f"has given no picture for {limit_s:g} s"
+        if grab.time_s is not None:
             self._given = True
-            return Grab(time_s, waited_s, anew=False)
+            return grab
         if not self._given:
             raise InputError(f"{self.name} opened but gives no picture: is it in use elsewhere?")
         if not self.live and not self._grab.done():
             raise CameraError(f"{self.name} {trouble}: copy it to this computer's own disk")
         if not self.live or self.source.ended:
-            return Grab(None, waited_s, anew=False)
+            return grab
         return Grab(self._come_back(trouble), 0.0, anew=True)
 
     def retrieve(self) -> Future[Picture]:
@@ -136,10 +138,10 @@ class SourceThread:
         """Let the source go, and wait for that a little."""
         self._worker.leave(wait_s=1.0)
 
-    def _timed_grab(self) -> tuple[float | None, float]:
+    def _timed_grab(self) -> Grab:
         since = time.monotonic()
         time_s = self.source.grab()
-        return time_s, time.monotonic() - since
+        return Grab(time_s, time.monotonic() - since)
 
     def _come_back(self, trouble: str) -> float:
         """Open the source anew, again and again; the time of its first picture."""
@@ -168,11 +170,11 @@ class SourceThread:
     def _wait(self, answer: Future[Answer], limit_s: float) -> Answer:
         until = time.monotonic() + limit_s
         while True:
+            if self._stop.is_set():
+                raise Stopped
             try:
                 return answer.result(max(0.0, min(LOOK_S, until - time.monotonic())))
             except TimeoutError:
-                if self._stop.is_set():
-                    raise Stopped from None
                 if answer.done():  # it is the source's own error, if it is one
                     return answer.result()
                 if time.monotonic() >= until:

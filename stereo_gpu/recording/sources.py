@@ -24,6 +24,7 @@ class Source(Protocol):
     name: str
     live: bool  # goes on whether or not it is read, and may come back after it has failed
     period_s: float  # between two pictures, as it says itself
+    stamped: bool  # its times are those of the pictures themselves, not of when they were read
     warm_up_s: float  # so long its exposure is settling at first
 
     def grab(self) -> float | None:

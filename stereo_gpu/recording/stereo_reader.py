@@ -23,7 +23,8 @@ from stereo_gpu.types import Picture
 STEPS_KEPT = 15  # times between pictures, whose median is the source's period
 STEPS_NEEDED = 5  # before that the source's own word counts
 FRESH_SHARE = 0.3  # of a period: a grab that took as long had to wait for its picture
-SETTLING_PAIRS = 4  # passed over after a source was opened
+GAP = 1.8  # periods: a grab that took longer missed a picture
+OPENING_PAIRS, SETTLING_PAIRS = 4, 2  # passed over until both are in step, after opening and after a gap
 MOST_DAMAGED = 30  # pictures in turn that cannot be decoded, before that is the camera's fault rather than the cable's
 SETTINGS_EVERY_S = 1.0  # an automatic exposure goes on changing
 
@@ -66,9 +67,8 @@ class StereoReader:
         self.ended = ""
         self._steps: list[deque[float]] = [deque(maxlen=STEPS_KEPT) for _ in self._threads]
         self._times = [math.nan] * count  # of the pictures that were grabbed last
-        # While the second source was opened, the first one's pictures piled up. They would be taken for pictures of
-        # the moment in which they are read, so they are passed over, and some pairs more until both are in step.
-        self._stale = SETTLING_PAIRS if self.live else 0
+        # While the second source was opened, the first one's pictures piled up.
+        self._piled_up, self._settling = (True, OPENING_PAIRS) if self.live else (False, 0)
         self._number = 0
         self._damaged_in_turn = 0
         self._told_s = -SETTINGS_EVERY_S
@@ -87,10 +87,12 @@ class StereoReader:
         while True:
             if not self._step():
                 return False
-            if self._stale == 0:
+            if self._settling == 0:
                 self._number += 1
                 return True
-            self._stale -= 1
+            self._settling -= 1
+            if self._number:
+                self.unmatched = [count + 1 for count in self.unmatched]
 
     def decode(self) -> StereoFrame | None:
         """The pair that was grabbed last, decoded in both threads at once; None if a camera sent a damaged picture.
@@ -143,11 +145,12 @@ class StereoReader:
         """Have both sources grab until their times belong together; False at the end of one."""
         if not self._grab(range(len(self._threads))):
             return False
-        while len(self._times) == 2:
+        # Where pictures have piled up the times are those of reading, not worth comparing.
+        while len(self._times) == 2 and not self._piled_up:
             older = int(self._times[1] < self._times[0])
             if abs(self._times[1] - self._times[0]) <= self.period_s(older) / 2:
                 break
-            self.unmatched[older] += self._stale == 0
+            self.unmatched[older] += self._settling == 0
             if not self._grab([older]):
                 return False
         return True
@@ -155,19 +158,23 @@ class StereoReader:
     def _grab(self, sides: Sequence[int]) -> bool:
         """Have these sources grab at once; False at the end of one."""
         for side in sides:
-            if self._stale == SETTLING_PAIRS:
+            if self._piled_up:
                 self._threads[side].start_drain(FRESH_SHARE * self.period_s(side))
             else:
                 self._threads[side].start_grab()
+        self._piled_up = False
         for side in sides:
             grab = self._threads[side].finish_grab()
             if grab.time_s is None:
                 self.ended = self._threads[side].source.ended or f"{self._threads[side].name} ended"
                 return False
-            if grab.anew:
-                self._stale = SETTLING_PAIRS
-                self._steps[side].clear()
-            elif self._stale == 0 and math.isfinite(self._times[side]):
+            if self._number:
+                self.unmatched[side] += grab.passed_over
+            late = not self._threads[side].source.stamped and grab.waited_s > GAP * self.period_s(side)
+            if grab.anew or (late and not self._settling):
+                # Meanwhile the other's pictures piled up, and its next grabs would give them the time of now.
+                self._piled_up, self._settling = True, SETTLING_PAIRS
+            elif self._settling == 0 and math.isfinite(self._times[side]):
                 self._steps[side].append(grab.time_s - self._times[side])
             self._times[side] = grab.time_s
         return True

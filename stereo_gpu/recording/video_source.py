@@ -47,6 +47,7 @@ class VideoSource:
     def __init__(self, name: str, wanted: CameraSettings = NO_SETTINGS) -> None:
         self.name = name
         self.live = is_live(name)
+        self.stamped = not self.live
         self._camera = self.live and not URL.match(name)
         self.warm_up_s = WARM_UP_S if self._camera else 0.0
         self._capture = _open(name, self._camera)
@@ -75,7 +76,8 @@ class VideoSource:
         self._grabbed += 1
         told = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1000
         if self._camera:
-            return told if 0 <= now - told < LATEST_STAMP_S else now
+            self.stamped = 0 <= now - told < LATEST_STAMP_S
+            return told if self.stamped else now
         if self.live:
             return now
         # A file that tells no times, or some that go backwards, plays at its rate.
