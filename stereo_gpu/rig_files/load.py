@@ -71,7 +71,7 @@ def load_rig_for(path: Paths, picture: Picture) -> Rig:
     """Read the rig of a raw picture, which tells the size where the file does not; a warning says so.
 
     Raises:
-        InputError: as `load_rig`; whether a size that the file does hold is the picture's, `check_rig` tells.
+        InputError: as `load_rig`; whether a size that the file does hold is the picture's, `check_sizes` tells.
     """
     size = (picture.shape[1], picture.shape[0])
     rig, open_size = _load((path,), size, None, None)
