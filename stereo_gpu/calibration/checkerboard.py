@@ -54,15 +54,18 @@ def find_checkerboard(picture: Picture, size: tuple[int, int]) -> Floats | None:
 
 
 def survey_checkerboard(picture: Picture) -> tuple[int, int] | None:
-    """How many squares the checkerboard in a picture has, (longer side, shorter side); a hint, None without one."""
+    """How many squares the checkerboard in a picture has, (longer side, shorter side); a hint, None without one.
+
+    A board of 4 x 4 squares is not told from clutter.
+    """
     flat, flags = grey(picture), cv2.CALIB_CB_LARGER | cv2.CALIB_CB_NORMALIZE_IMAGE
     least = (FEWEST_SQUARES - 1) ** 2 - 4
     if _too_thin(flat, FEWEST_SQUARES) or largest_grid(flat, least) < least:
         return None
     # Starting from 3 x 3 corners, the finder grows the board as far as it goes and says how far that was.
     found, _, meta = cv2.findChessboardCornersSBWithMeta(shrunk(flat), (3, 3), flags)
-    if not found or meta is None:
-        return None
+    if not found or meta is None or max(meta.shape[:2]) < FEWEST_SQUARES:
+        return None  # 3 x 3 corners by themselves are found by chance, too
     return max(meta.shape[:2]) + 1, min(meta.shape[:2]) + 1
 
 
@@ -97,7 +100,7 @@ def _too_thin(flat: Bytes, squares: int) -> bool:
 
 
 def _copies(flat: Bytes, needed: int) -> Iterator[Bytes]:
-    """Where to look, the likeliest first; another size only where it shows as many crossings as needed."""
+    """Where to look, the likeliest first; a larger copy only where squares are small and it shows enough crossings."""
     small = shrunk(flat)
     yield small
     yield cv2.createCLAHE(clipLimit=3.0, tileGridSize=(4, 4)).apply(small)
@@ -106,7 +109,9 @@ def _copies(flat: Bytes, needed: int) -> Iterator[Bytes]:
         other = shrunk(flat, 2 * WORKING_SIDE)
     elif 2 * max(flat.shape) <= WORKING_SIDE:
         other = cv2.resize(flat, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
-    if other is not None and grid_at_size(other) >= needed:
+    if other is None or grid_at_size(shrunk(small, max(small.shape) // 2)) >= needed:
+        return
+    if grid_at_size(other) >= needed:
         yield other
 
 
