@@ -7,13 +7,14 @@ from enum import StrEnum
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stereo_gpu.epipolar.consensus import ENOUGH, agreeing, enough
-from stereo_gpu.epipolar.drift import fit_drift
+from stereo_gpu.epipolar.drift import drifted, fit_drift
 from stereo_gpu.epipolar.error_map import ErrorMap, map_errors
 from stereo_gpu.epipolar.faults import Fault, explain, share_behind
 from stereo_gpu.epipolar.features import WORKING_SIDE, match_features
-from stereo_gpu.epipolar.rows import find_rows, focal_length, rays
+from stereo_gpu.epipolar.rows import Rows, find_rows, focal_length, rays
 from stereo_gpu.epipolar.sharpen import sharpen_matches
 from stereo_gpu.errors import InputError
 from stereo_gpu.images import check_pair
@@ -114,23 +115,25 @@ def check_rig(left: Picture, right: Picture, rig: Rig) -> RigCheck:
     points_left, points_right = sharpen_matches(left, right, *match_features(left, right))
     matches, size = len(points_left), (left.shape[1], left.shape[0])
     focal = focal_length(rig)
-    rows = find_rows(rays(points_left, rig.left), rays(points_right, rig.right), rig.R, rig.T, focal)
-    good = agreeing(rows, focal, scale=max(1.0, max(size) / WORKING_SIDE))
+    scale = max(1.0, max(size) / WORKING_SIDE)
+    sides = rays(points_left, rig.left), rays(points_right, rig.right)
+    rows = find_rows(*sides, rig.R, rig.T, focal)
+    good = agreeing(rows, focal, scale=scale)
     if not enough(good):
         return _unknown(matches, int(good.sum()), size)
+    some = _spread(good)
+    drift, _ = fit_drift(sides[0][some], sides[1][some], rig, focal)
+    moved = drifted(rig, drift)
+    # Wrong matches that come near a row by chance stray from the rest, whatever is wrong with the rig.
+    rest = np.abs(find_rows(*sides, moved.R, moved.T, focal).vertical)
+    good &= rest <= max(STRAY_PX * scale, STRAY * float(np.median(rest[good])))
+    some = _spread(good)
+    found = explain(points_left[some], points_right[some], rig, drift)
     points_left, points_right = points_left[good], points_right[good]
-    sides = rays(points_left, rig.left), rays(points_right, rig.right)
-    # Wrong matches that come near a row by chance: they stray from the rest, whatever is wrong with the rig.
-    _, rest = fit_drift(*sides, rig, focal)
-    strays = np.abs(rest) > max(STRAY_PX, STRAY * float(np.median(np.abs(rest))))
-    points_left, points_right = points_left[~strays], points_right[~strays]
-    rows = find_rows(sides[0][~strays], sides[1][~strays], rig.R, rig.T, focal)
+    rows = Rows(vertical=rows.vertical[good], disparity=rows.disparity[good], at=rows.at[good])
     errors = np.abs(rows.vertical)
     error = float(np.median(errors))
     cells = map_errors(points_left, rows.vertical, size)
-    # The points are sorted by place, so that every n-th of them are spread as all are.
-    some = np.s_[:: -(-len(errors) // MOST)]
-    found = explain(points_left[some], points_right[some], rig)
     verdict = Verdict.GOOD if error <= WARN_PX else Verdict.DOUBTFUL if error <= REFUSE_PX else Verdict.BAD
     if found.fault in (Fault.SWAPPED, Fault.OTHER_RIG):
         verdict = Verdict.BAD
@@ -186,6 +189,12 @@ def refuse_swapped(checked: RigCheck) -> None:
     """
     if checked.swapped:
         raise InputError(checked.says)
+
+
+def _spread(good: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Numbers of MOST good matches or fewer: the points are sorted by place, so that every n-th are spread as all."""
+    known = np.flatnonzero(good)
+    return known[:: -(-len(known) // MOST)]
 
 
 def _unknown(matches: int, used: int, size: tuple[int, int]) -> RigCheck:

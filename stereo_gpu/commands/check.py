@@ -68,5 +68,7 @@ def run(options: argparse.Namespace) -> None:
     if refined is not None and options.save:
         refined.rig.save(options.save)
         print(f"{options.save}: the {'corrected' if refined.changed else 'same'} rig")
+    elif refined is not None and refined.changed:
+        print("the corrected rig is not kept: give --save new.json")
     if checked.verdict is Verdict.BAD and not (refined and refined.changed):
         raise StereoError(f"the rig does not fit this pair: {checked.says}")

@@ -8,7 +8,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from stereo_gpu.epipolar.drift import Drift, fit_drift
+from stereo_gpu.epipolar.drift import Drift, drifted
 from stereo_gpu.epipolar.rows import Rows, find_rows, focal_length, rays
 from stereo_gpu.rig import Camera, Rig
 from stereo_gpu.types import Doubles
@@ -17,7 +17,7 @@ BEHIND = 0.8  # share of the matches behind the cameras from which on the pictur
 BEHIND_PX = 1.0
 EXPLAINED_PX, EXPLAINED = 0.25, 1.5  # a simple fault leaves no more than this, or than so many times a drift's rest
 MOST_OF_IT = 0.1  # or this share of the error, if no large turn would be needed
-WORTH_PX, WORTH = 0.1, 0.6  # a fault is named if it takes away so much of the error, and to this share of it
+WORTH_PX, WORTH = 0.15, 0.6  # a fault is named if it takes away so much of the error, and to this share of it
 FAR_DEG = 1.0  # cameras that turned by more cannot be told from others
 UNEXPLAINED_PX = 0.5
 
@@ -53,21 +53,23 @@ class Explanation:
     rest: Doubles
 
 
-def explain(points_left: Doubles, points_right: Doubles, rig: Rig) -> Explanation:
+def explain(points_left: Doubles, points_right: Doubles, rig: Rig, drift: Drift) -> Explanation:
     """Find what explains the vertical errors of matched points.
 
-    Every fault that one number describes - a picture shifted, rotated or scaled against the other - is fitted, and
-    the drift of a camera, which has five. The simplest that explains the errors is named: shift, rotation and scale
-    before drift.
+    Every fault that one number describes - a picture shifted, rotated or scaled against the other - is fitted. The
+    simplest that explains the errors is named: shift, rotation and scale before the drift of a camera, which has five
+    numbers.
 
     Args:
         points_left, points_right: (N, 2) px in the raw pictures, true matches, at least 5.
         rig: as it was calibrated.
+        drift: what `fit_drift` found for these points.
     """
     focal = focal_length(rig)
     sides = rays(points_left, rig.left), rays(points_right, rig.right)
     rows = find_rows(*sides, rig.R, rig.T, focal)
-    drift, rest = fit_drift(*sides, rig, focal)
+    moved = drifted(rig, drift)
+    rest = find_rows(*sides, moved.R, moved.T, focal).vertical
     if share_behind(rows) > BEHIND:
         return _behind(points_left, points_right, rig, rows, rest)
     error, least = _median(rows.vertical), _median(rest)
