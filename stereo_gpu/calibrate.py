@@ -124,6 +124,6 @@ def _refuse_nonsense(rig: Rig, distance: float) -> None:
     right_camera = -rig.R.T @ rig.T  # where it stands in the left camera's frame
     if -right_camera[0] == np.abs(right_camera).max():
         raise CalibrationError(
-            f"T = ({shift}) {rig.unit}, but T[0] must be below zero, as X_right = R X_left + T: left and right look"
-            " swapped, or both cameras mirror their pictures: give them the other way round, or turn mirroring off"
+            f"left and right look swapped, or both cameras mirror their pictures: T = ({shift}) {rig.unit}, where T[0]"
+            " must be below zero, as X_right = R X_left + T; give them the other way round, or turn mirroring off"
         )

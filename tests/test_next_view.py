@@ -81,5 +81,5 @@ def test_words(few):
 
 def test_advice_ends_when_nothing_gains(few):
     found, normal, _, places, _ = few
-    information = 1e4 * normal.reduced()[0].sum(axis=0)  # as if every view had been taken so often
+    information = 1e6 * normal.reduced()[0].sum(axis=0)  # as if every view had been taken so often
     assert find_next_view(found, information, 0.01, places, corner_pairs.SIZES, corner_pairs.BOARD) is None

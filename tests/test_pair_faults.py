@@ -143,7 +143,7 @@ def pictures():
 
 def test_both_cameras_that_mirror_look_like_swapped_ones(pictures):
     flipped = [[np.ascontiguousarray(picture[:, ::-1]) for picture in side] for side in pictures]
-    with pytest.raises(CalibrationError, match="look swapped, or both cameras mirror their pictures: give them the"):
+    with pytest.raises(CalibrationError, match="left and right look swapped, or both cameras mirror their pictures"):
         calibrate(*flipped, corner_pairs.BOARD)
 
 

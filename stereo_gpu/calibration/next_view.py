@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from stereo_gpu.calibration.board import Board
-from stereo_gpu.calibration.bundle import Bundle, Corners, linearise, project
+from stereo_gpu.calibration.bundle import Bundle, Corners, linearise, project, scaled_inverse
 from stereo_gpu.calibration.uncertainty import depth_deviations, depth_slopes
 from stereo_gpu.types import Doubles
 
@@ -105,7 +105,7 @@ def find_next_view(
 
     def certainty(more: Doubles) -> float:
         # The mean of logarithms: every place counts by what it gains, or the worst ones alone would decide.
-        covariance = variance * np.linalg.pinv(even + more / np.outer(scale, scale), hermitian=True)
+        covariance = variance * scaled_inverse(even + more / np.outer(scale, scale))
         return -float(np.log(depth_deviations(scaled, covariance)).mean())
 
     later = np.array([certainty(more) for more in brought])
