@@ -104,7 +104,7 @@ class Normal:
 
     def reduced(self) -> tuple[Doubles, Doubles]:
         """(views, P, P) and (views, P): what each view says of the shared numbers once its pose is free."""
-        solved = np.linalg.solve(self.pose, np.swapaxes(self.cross, 1, 2))  # (views, 6, P)
+        solved = _solve(self.pose, np.swapaxes(self.cross, 1, 2))  # (views, 6, P)
         information: Doubles = self.shared - self.cross @ solved
         gradient: Doubles = self.gradient - np.einsum("vip,vi->vp", solved, self.pose_gradient)
         return information, gradient
@@ -235,6 +235,14 @@ def scaled_inverse(matrix: Doubles) -> Doubles:
     return inverse
 
 
+def _solve(matrix: Doubles, right: Doubles) -> Doubles:
+    try:
+        solved: Doubles = np.linalg.solve(matrix, right)
+    except np.linalg.LinAlgError as error:  # a view's corners do not even determine its own pose
+        raise _undetermined() from error
+    return solved
+
+
 def _undetermined() -> CalibrationError:
     return CalibrationError(
         "the boards do not determine the cameras: tilt the board in more directions, fill more of the picture"
@@ -259,9 +267,9 @@ def _step(bundle: Bundle, normal: Normal, damping: float, poses_only: bool) -> B
         if not (np.isfinite(scale).all() and (scale > 0).all()):
             raise _undetermined()
         shift = -np.linalg.lstsq(total / np.outer(scale, scale), gradient.sum(axis=0) / scale, rcond=None)[0] / scale
-    moves = -np.linalg.solve(
-        damped.pose, (normal.pose_gradient + np.einsum("vpi,p->vi", normal.cross, shift))[..., None]
-    )[..., 0]
+    moves = -_solve(damped.pose, (normal.pose_gradient + np.einsum("vpi,p->vi", normal.cross, shift))[..., None])[
+        ..., 0
+    ]
     first, second = len(bundle.lenses[0]), len(bundle.lenses[0]) + len(bundle.lenses[1])
     return Bundle(
         lenses=(bundle.lenses[0] + shift[:first], bundle.lenses[1] + shift[first:second]),

@@ -159,6 +159,8 @@ def _error(
 ) -> float:
     """Rms px between the right corners and the board as the left camera sees it, over the corners that both see."""
     _, seen = in_both(left.seen, right)
+    if not len(seen.ids):
+        return np.inf
     carried = (points[seen.ids] @ left.rotation.T + left.translation) @ rotation.T + translation
     if (carried[:, 2] <= 0).any():  # behind the right camera
         return np.inf
