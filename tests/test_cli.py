@@ -1,5 +1,6 @@
 """The command line: what it leaves when all goes well, and one line and nothing else when input is wrong."""
 
+import dataclasses
 import json
 import os
 import resource
@@ -88,7 +89,7 @@ PICTURE_FAULTS = {
 
 
 @pytest.mark.parametrize("name", PICTURE_FAULTS)
-@pytest.mark.parametrize("command", ["rectify", "match", "reconstruct"])
+@pytest.mark.parametrize("command", ["check", "rectify", "match", "reconstruct"])
 def test_a_faulty_picture_is_refused(capsys, untouched, wrong, raw_folder, command, name):
     rig = () if command == "match" else ("--rig", raw_folder / "rig.json")
     pair = (wrong / name, raw_folder / "right.png")
@@ -106,15 +107,15 @@ def test_left_given_for_right_is_refused(capsys, untouched, raw_folder, command)
 @pytest.mark.parametrize(
     ("name", "says"),
     [
-        ("missing.json", "calibrate first"),
+        ("missing.json", "check the path"),
         ("cut.json", "cut off"),
         ("nan.json", "T has"),
         ("other.json", "calibrated for 640 x 480"),
-        ("junk.png", "is this the file of a rig"),
+        ("junk.png", "of no known format"),
         (".", "is a folder"),
     ],
 )
-@pytest.mark.parametrize("command", ["rectify", "reconstruct"])
+@pytest.mark.parametrize("command", ["check", "rectify", "reconstruct"])
 def test_a_faulty_rig_is_refused(capsys, untouched, wrong, raw_folder, command, name, says):
     pair = (raw_folder / "left.png", raw_folder / "right.png")
     refused(capsys, command, *pair, "--rig", wrong / name, "--out", "new", says=[says])
@@ -266,6 +267,65 @@ def test_calibrate_writes_a_rig(capsys, tmp_path, data):
     assert rig.left.size == (640, 480)
     assert 95 < rig.baseline < 105
     assert sorted(path.name for path in tmp_path.iterdir()) == ["rig.html", "rig.json"]
+
+
+def test_check_says_and_draws_what_it_found(capsys, tmp_path, raw_folder):
+    pair, rig = [str(raw_folder / f"{side}.png") for side in ("left", "right")], str(raw_folder / "rig.json")
+    assert main(["check", *pair, "--rig", rig, "--out", str(tmp_path / "out")]) == 0
+    shown = capsys.readouterr()
+    assert shown.out.startswith("good: rows differ by 0.") and "the rig is good" in shown.out and shown.err == ""
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["check.json", "check.png"]
+    record = json.loads((tmp_path / "out" / "check.json").read_text())
+    assert record["verdict"] == "good" and record["vertical_px"] < 0.25
+    assert read_image(tmp_path / "out" / "check.png").shape[1] > 960
+
+
+def test_check_refines_a_drift_and_saves_where_told(capsys, tmp_path, raw_folder):
+    pair, rig = [str(raw_folder / f"{side}.png") for side in ("left", "right")], Rig.load(raw_folder / "rig.json")
+    turn = cv2.Rodrigues(np.array([np.radians(0.5), 0, 0]))[0]
+    dataclasses.replace(rig, R=turn @ rig.R, T=turn @ rig.T).save(tmp_path / "old.json")
+    given = ["check", *pair, "--rig", str(tmp_path / "old.json")]
+    assert main(given) == OTHER_FAILURE
+    shown = capsys.readouterr()
+    assert shown.out.startswith("bad: ") and "does not fit this pair: rows differ by 2." in shown.err
+    assert main([*given, "--refine"]) == 0
+    shown = capsys.readouterr()
+    assert "refined: the right camera turned by 0.5" in shown.out and "--save new.json" in shown.out
+    assert [path.name for path in tmp_path.iterdir()] == ["old.json"]
+    assert main([*given, "--refine", "--save", str(tmp_path / "new.json")]) == 0
+    refined = Rig.load(tmp_path / "new.json")
+    assert np.degrees(np.linalg.norm(cv2.Rodrigues(refined.R @ rig.R.T)[0])) < 0.1
+    assert refined.baseline == pytest.approx(rig.baseline, rel=1e-12)
+    assert main(["check", *pair, "--rig", str(tmp_path / "new.json")]) == 0
+
+
+def test_what_check_cannot_do_is_refused(capsys, tmp_path, raw_folder):
+    pair, rig = [raw_folder / f"{side}.png" for side in ("left", "right")], ("--rig", raw_folder / "rig.json")
+    refused(capsys, "check", *pair, *rig, "--save", tmp_path / "new.json", says=["--refine"])
+    refused(capsys, "check", *pair, *rig, "--refine", "--save", tmp_path / "no" / "new.json", says=["no folder"])
+    refused(capsys, "check", *pair, *rig, "--out", "/proc/new", says=["/proc/new"])
+    assert not list(tmp_path.iterdir())
+    assert main(["check", *map(str, pair[::-1]), *map(str, rig), "--refine", "--out", str(tmp_path / "out")]) == 2
+    shown = capsys.readouterr()
+    assert "cannot be refined" in shown.err and "look swapped" in shown.err
+    assert (tmp_path / "out" / "check.png").is_file()  # what was found is drawn all the same
+
+
+def test_a_pair_that_does_not_fit_its_rig(capsys, tmp_path, raw_folder):
+    """`reconstruct` refuses it, and goes on when told to; `rectify` warns."""
+    pair, rig = [str(raw_folder / f"{side}.png") for side in ("left", "right")], Rig.load(raw_folder / "rig.json")
+    turn = cv2.Rodrigues(np.array([np.radians(0.5), 0, 0]))[0]
+    dataclasses.replace(rig, R=turn @ rig.R, T=turn @ rig.T).save(tmp_path / "old.json")
+    given = [*pair, "--rig", str(tmp_path / "old.json"), "--out", str(tmp_path / "out")]
+    quick = ["--profile", "fast", "--disparities", "20,44", "--faces", "2000", "--unwrap", "view"]
+    refused(capsys, "reconstruct", *given, *quick, says=["shifted down by", "--ignore-check"])
+    assert not (tmp_path / "out").exists()
+    assert main(["reconstruct", *given, *quick, "--ignore-check"]) == 0
+    assert "warning: Rows differ by 2." in capsys.readouterr().err
+    record = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert record["check"]["verdict"] == "bad" and record["check"]["fault"] == "shifted"
+    assert main(["rectify", *given]) == 0
+    assert "warning: rows differ by 2." in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("kind", ["colour", "grey", "deep", "alpha"])
