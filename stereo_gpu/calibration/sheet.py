@@ -147,9 +147,10 @@ def _page(board: Board, size: Doubles, paper: str, strip: float) -> tuple[float,
     largest = max(float(((page - around) / squares).min()) for page in pages) / MILLIMETRES[board.unit]
     # Rounded down to what a ruler can check.
     told = np.floor(largest * 2) / 2 if largest >= 1 else np.floor(largest * 100) / 100
-    mend = f"the largest that fits are {told:g} {board.unit}, or take" if told > 0 else "take fewer squares,"
+    mend = f"the largest that fits are {told:g} {board.unit}; take those" if told > 0 else "take fewer squares"
     raise InputError(
-        f"a {board} board of {board.square:g} {board.unit} squares does not fit {name}: {mend} a larger paper, or {FIT}"
+        f"a {board} board of {board.square:g} {board.unit} squares does not fit {name}: {mend}, a larger paper,"
+        f" or {FIT}, a page of the board's size"
     )
 
 
