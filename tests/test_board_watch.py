@@ -1,6 +1,7 @@
 """Which pairs of a moving board are taken, and what is said of the others."""
 
 import json
+import shutil
 
 import cv2
 import moving_boards
@@ -13,7 +14,7 @@ from stereo_gpu.calibration.charuco import CharucoBoard
 from stereo_gpu.capture import capture
 from stereo_gpu.cli import main
 from stereo_gpu.errors import InputError
-from stereo_gpu.images import read_image
+from stereo_gpu.images import read_image, write_png
 from stereo_gpu.recording.board_watch import BoardChooser
 
 HELD = 10  # frames at 30 a second: longer than a quarter of a second
@@ -91,6 +92,25 @@ def test_the_command_says_what_is_missing_and_a_second_run_goes_on(tmp_path, cap
     assert "pair 3: left0003.png" in told[1].out and "pair 4" not in told[1].out  # the fourth pose again
     assert "missing: 7 of at least 10 pairs" in told[1].out
     assert sorted(path.name for path in (tmp_path / "out").glob("right*")) == [f"right000{n}.png" for n in (1, 2, 3)]
+
+
+def test_in_the_end_the_next_command_is_told(tmp_path, capsys):
+    out = tmp_path / "my pairs"
+    out.mkdir()
+    for number in range(1, 13):  # of an earlier run
+        for side, picture in zip(("left", "right"), render(pose(number - 1)), strict=True):
+            write_png(out / f"{side}{number:04d}.png", picture)
+    for side in ("left", "right"):
+        (tmp_path / side).mkdir()
+        shutil.copy(out / f"{side}0001.png", tmp_path / side / "1.png")
+    folders = [str(tmp_path / side) for side in ("left", "right")]
+    assert main(["capture", *folders, "--board", "10x7", "--square", "30", "--no-page", "--out", str(out)]) == 0
+    told = capsys.readouterr()
+    assert "12 pairs with the board are in" in told.err and "open http" not in told.err
+    assert "0 pairs taken" in told.out and "ended: enough pairs were taken" in told.out and "missing" not in told.out
+    assert (
+        f"go on with: stereo-gpu calibrate '{out}/left*.png' '{out}/right*.png' --board 10x7 --square 30 --out rig.json"
+    ) in told.out
 
 
 def test_films_of_a_moving_board_give_exactly_the_right_pairs(tmp_path):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import signal
 import sys
 import threading
@@ -110,6 +111,8 @@ def run(options: argparse.Namespace) -> None:
     _sum_up(recording, options)
     if isinstance(chooser, BoardChooser):
         _say_what_is_missing(chooser)
+        if chooser.done:
+            print(f"go on with: {_calibrate_command(options)}")
     if signals and (count is not None or signal.SIGTERM in signals):
         # Where no count was asked for, Ctrl-C is the way to end.
         raise KeyboardInterrupt
@@ -257,6 +260,17 @@ def _say_what_is_missing(chooser: BoardChooser) -> None:
             print(f"missing, {side} camera: {lack}")
     if not chooser.done:
         print("a new run into the same folder goes on from here")
+
+
+def _calibrate_command(options: argparse.Namespace) -> str:
+    """The command that makes a rig of these pairs, ready to be typed."""
+    board = ["--board", options.board, "--square", "MM" if options.square is None else f"{options.square:g}"]
+    if options.marker is not None:
+        board += ["--marker", f"{options.marker:g}"]
+    if options.dictionary is not None:
+        board += ["--dictionary", options.dictionary]
+    pictures = [f"{options.out}/{side}*.png" for side in ("left", "right")]
+    return shlex.join(["stereo-gpu", "calibrate", *pictures, *board, "--out", "rig.json"])
 
 
 def _size(text: str) -> tuple[int, int]:
