@@ -174,6 +174,13 @@ def test_the_way_through_ssh_is_told(page, monkeypatch):
     assert f"ssh -L {page.port}:localhost:{page.port} " in page.directions[1]
 
 
+def test_an_address_that_others_reach_is_said(pictures):
+    with LivePage(BOARD, host="0.0.0.0", port=0) as page:
+        assert page.url == f"http://127.0.0.1:{page.port}/"
+        assert page.directions[1] == f"whoever reaches this computer at port {page.port} can see them too"
+        assert get(page, "/state.json", Host="lab-pc.example")[0] == 200
+
+
 def test_ports():
     with LivePage(BOARD, port=0) as first:
         with pytest.raises(InputError, match=f"no page at 127.0.0.1:{first.port}: .* give another port with --page"):

@@ -40,6 +40,7 @@ CLIENT_S = 5.0  # somebody looks if he has asked for something within so long
 LAST_WORD_S = 1.0  # at the end, somebody who looks gets so long to ask once more
 IDLE_S = 10.0  # a connection on which nothing moves for so long is closed
 MOST_CONNECTIONS = 24
+LOCAL_ADDRESSES = (LOCAL, "localhost", "::1")
 LOCAL_NAMES = {"localhost", "127.0.0.1", "[::1]"}
 PICTURES = {"/left.jpg": 0, "/right.jpg": 1}
 AREAS = {  # left, top, right and bottom of the regions, as shares of the picture
@@ -91,7 +92,9 @@ class LivePage:
     def directions(self) -> list[str]:
         """Lines that say how to open the page, through ssh too where this is an ssh session."""
         lines = [f"open {self.url} to see both pictures"]
-        if os.environ.get("SSH_CONNECTION") and self.host in (LOCAL, "localhost", "::1"):
+        if self.host not in LOCAL_ADDRESSES:
+            lines.append(f"whoever reaches this computer at port {self.port} can see them too")
+        elif os.environ.get("SSH_CONNECTION"):
             own = f"{getpass.getuser()}@{socket.gethostname()}"
             lines.append(f"from the computer before you, first: ssh -L {self.port}:localhost:{self.port} {own}")
         return lines
@@ -273,7 +276,7 @@ class _Handler(BaseHTTPRequestHandler):
 
     def _addressed_here(self) -> bool:
         """Whether the browser was told to come here by name: a foreign page may point a name of its own at us."""
-        if self.server.page.host not in (LOCAL, "localhost", "::1"):
+        if self.server.page.host not in LOCAL_ADDRESSES:
             return True
         host = self.headers.get("Host", "")
         name = host if host.endswith("]") else host.rpartition(":")[0] or host
