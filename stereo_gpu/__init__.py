@@ -12,6 +12,7 @@ from stereo_gpu.calibrate import calibrate
 from stereo_gpu.calibration.board import Board
 from stereo_gpu.calibration.board_print import PrintedBoard, print_board
 from stereo_gpu.calibration.charuco import CharucoBoard
+from stereo_gpu.capture import Recording, capture
 from stereo_gpu.check import PairCheck, check_rectified
 from stereo_gpu.config import MeshOptions
 from stereo_gpu.epipolar.eight_point import eight_point
@@ -22,6 +23,7 @@ from stereo_gpu.images import read_image
 from stereo_gpu.known_distance import KnownDistance
 from stereo_gpu.match import match
 from stereo_gpu.pipeline import reconstruct, reconstruct_rectified
+from stereo_gpu.recording.settings import CameraSettings
 from stereo_gpu.rectify import rectify
 from stereo_gpu.refine_rig import Refinement, refine_rig
 from stereo_gpu.result import Reconstruction
@@ -35,6 +37,7 @@ from stereo_gpu.types import Disparity, Mesh, RectifiedPair, Surface, Validity, 
 __all__ = [
     "Board",
     "Camera",
+    "CameraSettings",
     "CharucoBoard",
     "DeviceStatus",
     "Disparity",
@@ -44,6 +47,7 @@ __all__ = [
     "PairCheck",
     "PrintedBoard",
     "Reconstruction",
+    "Recording",
     "RectifiedPair",
     "Refinement",
     "Rig",
@@ -53,6 +57,7 @@ __all__ = [
     "Validity",
     "View",
     "calibrate",
+    "capture",
     "check_rectified",
     "check_rig",
     "devices",

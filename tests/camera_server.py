@@ -8,6 +8,7 @@ for ever after so many. A picture shows its number as 16 black or white squares,
 """
 
 import re
+import subprocess
 import sys
 import time
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -43,6 +44,27 @@ def number_of(picture):
         block = picture[row * side : (row + 1) * side, column * side : (column + 1) * side]
         number |= int(block[side // 4 : -side // 4, side // 4 : -side // 4].mean() > 128) << bit
     return number
+
+
+class Cameras:
+    """Network cameras: a process of its own, which can be killed and started again."""
+
+    def __init__(self):
+        self.port = 0
+        self.start()
+
+    def start(self):
+        arguments = [sys.executable, __file__, str(self.port)]
+        self._process = subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True)
+        self.port = int(self._process.stdout.readline())
+
+    def die(self):
+        self._process.kill()
+        self._process.wait()
+        self._process.stdout.close()
+
+    def url(self, side, **options):
+        return f"http://127.0.0.1:{self.port}/{side}?" + "&".join(f"{name}={value}" for name, value in options.items())
 
 
 class Camera(BaseHTTPRequestHandler):

@@ -6,18 +6,15 @@ import subprocess
 import sys
 import threading
 import time
-from pathlib import Path
 
 import cv2
-import numpy as np
 import pytest
-from camera_server import number_of, numbered
+from camera_server import Cameras, number_of, numbered
 
 from stereo_gpu.capture import capture
 from stereo_gpu.errors import CameraError, InputError
 from stereo_gpu.images import read_image
 
-HERE = Path(__file__).parent
 RUN = "import sys; from stereo_gpu.cli import main; sys.exit(main(sys.argv[1:]))"
 LIMIT_S = 60  # after which a child is taken to hang
 
@@ -160,27 +157,6 @@ def test_a_list_that_is_none_is_left_alone(film, tmp_path):
         capture(film, film, tmp_path, count=1)
     assert [file.name for file in tmp_path.iterdir()] == ["pairs.jsonl"]
     assert (tmp_path / "pairs.jsonl").read_text() == '{"number": 1}\nmy notes\n'
-
-
-class Cameras:
-    """Network cameras: a process of its own, which can be killed and started again."""
-
-    def __init__(self):
-        self.port = 0
-        self.start()
-
-    def start(self):
-        arguments = [sys.executable, str(HERE / "camera_server.py"), str(self.port)]
-        self._process = subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True)
-        self.port = int(self._process.stdout.readline())
-
-    def die(self):
-        self._process.kill()
-        self._process.wait()
-        self._process.stdout.close()
-
-    def url(self, side, **options):
-        return f"http://127.0.0.1:{self.port}/{side}?" + "&".join(f"{name}={value}" for name, value in options.items())
 
 
 @pytest.fixture
