@@ -237,7 +237,7 @@ def scaled_inverse(matrix: Doubles) -> Doubles:
 
 def _solve(matrix: Doubles, right: Doubles) -> Doubles:
     try:
-        solved: Doubles = np.linalg.solve(matrix, right)
+        solved: Doubles = np.asarray(np.linalg.solve(matrix, right), np.float64)
     except np.linalg.LinAlgError as error:  # a view's corners do not even determine its own pose
         raise _undetermined() from error
     return solved
