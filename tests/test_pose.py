@@ -119,3 +119,12 @@ def test_some_features_of_the_cup_do_nearly_as_well(cup):
         pose = sg.estimate_pose(left[some], right[some], rig.left, rig.right)
         assert two_views.angle(pose.R, rig.R) <= 2
         assert two_views.angle(pose.t, rig.T) <= 8
+
+
+def test_features_of_the_built_in_scene(small_scene, raw_folder):
+    """Bending lenses, different in both cameras, whose truth is known."""
+    left, right = (sg.read_image(raw_folder / f"{side}.png") for side in ("left", "right"))
+    points = sg.match_features(left, right)
+    pose = sg.estimate_pose(*points, small_scene.rig.left, small_scene.rig.right)
+    assert two_views.angle(pose.R, small_scene.rig.R) < 0.1
+    assert two_views.angle(pose.t, small_scene.rig.T) < 0.5

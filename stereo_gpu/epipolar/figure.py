@@ -14,6 +14,7 @@ from stereo_gpu.rig import Camera, Rig
 from stereo_gpu.types import Bytes, Doubles, Picture
 
 SHOWN = 12  # lines: more cannot be told apart
+ALONG = np.array([0.3, 1.0])  # what a distance counts in x and y: lines run along the rows, and are to lie apart
 GOLDEN = 0.618  # of the circle of hues from one line to the next, so that neighbours differ
 FADED = 0.55  # of the picture's contrast, towards white, so that thin lines stand out
 PIECES = 64  # straight ones of a bent line
@@ -73,10 +74,11 @@ def _spread(points: Doubles, count: int) -> list[int]:
     """Numbers of points of which each is as far as can be from those before, the most central one first."""
     if not len(points):
         return []
-    chosen = [int(np.linalg.norm(points - np.median(points, axis=0), axis=1).argmin())]
+    places = points * ALONG
+    chosen = [int(np.linalg.norm(places - np.median(places, axis=0), axis=1).argmin())]
     distances = np.full(len(points), np.inf)
     while len(chosen) < min(count, len(points)):
-        distances = np.minimum(distances, np.linalg.norm(points - points[chosen[-1]], axis=1))
+        distances = np.minimum(distances, np.linalg.norm(places - places[chosen[-1]], axis=1))
         chosen.append(int(distances.argmax()))
     return chosen
 

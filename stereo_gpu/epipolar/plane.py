@@ -12,7 +12,7 @@ from stereo_gpu.types import Doubles
 
 ROUNDING = 1e-6  # of the points' extent: nobody locates a point better, float32 does not hold it better
 THIN = 1e-3  # width to length of a set of points that is a line
-LEAST_DEPTH = 3.5  # a plane must misfit this many times worse than F; 13 + 29 single boards reach 2.7, two boards 17
+LEAST_DEPTH = 3.5  # a plane must misfit this many times worse than F: 42 single boards reach 2.7, two boards 6.4
 SIGNIFICANT = 0.9  # and by more than chance explains so often, where there are few points
 ANY_PLANE = 0.02  # of the extent: what misfits more is no plane but wrong matches
 LENS_POINTS = 25  # from which on the lenses' distortion is fitted too
