@@ -110,7 +110,13 @@ def test_the_ruler_and_the_words():
     text = " ".join(words.text for words in sheet.words)
     assert "print at 100 %" in text and "10 x 7 squares of 26 mm" in text and "100 mm" in text
     assert "dictionary 5x5_250, markers of 19 mm" in " ".join(words.text for words in lay_out(MARKED, "a4").words)
-    for board, paper in ((PLAIN, "a4"), (MARKED, "fit"), (sg.Board(4, 4, 12.0), "a5"), (sg.Board(5, 8, 25.0), "fit")):
+    for board, paper in (
+        (PLAIN, "a4"),
+        (MARKED, "fit"),
+        (sg.Board(4, 4, 12.0), "a5"),
+        (sg.Board(4, 4, 1.0), "fit"),
+        (sg.Board(5, 8, 25.0), "fit"),
+    ):
         sheet = lay_out(board, paper)
         assert sheet.ruler_length <= board.columns * board.square
         assert (sheet.ruler[:, 1] + sheet.ruler[:, 3]).max() < sheet.height - 5
@@ -149,7 +155,9 @@ def test_a_photo_of_the_print_calibrates(tmp_path):
         (sg.Board(10, 7, 3.0, "furlong"), "b.pdf", "a4", "board unit 'furlong' has no length on paper"),
         (sg.Board(200, 200, 30.0), "b.pdf", "fit", "5080 mm is the limit: take smaller squares"),
         (sg.Board(160, 160, 30.0), "b.png", "fit", "too many dots for a PNG: name a file that ends in .pdf"),
-        (CharucoBoard(10, 7, 0.4, 0.3), "b.png", "fit", "too small to print"),
+        (sg.Board(10, 7, 1e300), "b.pdf", "fit", "needs a page of 1e+301 x 7e+300 mm"),
+        (sg.Board(10, 7, 0.4), "b.pdf", "fit", "squares of 0.4 mm are too small to print: take 0.5 mm or more"),
+        (CharucoBoard(10, 7, 0.5, 0.3), "b.png", "fit", "too small for the dots of a PNG"),
     ],
 )
 def test_what_cannot_be_printed(board, name, paper, told, tmp_path):

@@ -93,7 +93,10 @@ def test_too_little_to_count(picture, truth):
     top = int(truth[7:14, 1].mean())
     row[top - 20 : top + 20] = picture[top - 20 : top + 20]
     assert BOARD.find(row) is None  # corners in one line fix no plane
-    assert BOARD.find(np.zeros((3, 3), np.uint8)) is None
+    for shape in ((1, 1), (3, 3), (3, 5000), (5000, 3)):
+        assert BOARD.find(np.zeros(shape, np.uint8)) is None
+        assert BOARD.hint(np.zeros(shape, np.uint8), None) is None
+        assert sg.Board(8, 6, 30.0).hint(np.zeros(shape, np.uint8), None) is None
     assert BOARD.find(np.full((360, 480), 200, np.uint8)) is None
     noise = np.random.default_rng(0).integers(0, 255, (240, 320), np.uint8)
     assert BOARD.find(noise) is None

@@ -93,7 +93,7 @@ def choose_dots(board: Board, sheet: Sheet) -> float:
             " in .pdf"
         )
     if wanted * square < max(2, cells_across(board)):
-        raise InputError(f"squares of {square:g} mm are too small to print: take larger ones")
+        raise InputError(f"squares of {square:g} mm are too small for the dots of a PNG: name a file that ends in .pdf")
     counts = np.arange(max(1, math.floor(0.8 * wanted * square)), math.ceil(1.05 * wanted * square) + 1)
     off = [round(_marker_error(board, count / square), 4) for count in counts]
     # pHYs counts whole dots a metre.

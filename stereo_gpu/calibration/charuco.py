@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from stereo_gpu.calibration.board import Board, BoardView
-from stereo_gpu.calibration.checkerboard import WORKING_SIDE, place_corners, shrunk
+from stereo_gpu.calibration.checkerboard import FEWEST_SQUARES, WORKING_SIDE, place_corners, shrunk, too_thin
 from stereo_gpu.calibration.hints import Hint
 from stereo_gpu.calibration.marker_hints import hint_charuco
 from stereo_gpu.calibration.markers import (
@@ -78,8 +78,8 @@ class CharucoBoard(Board):
         needed, there = len(marker_squares(self.columns, self.rows)), dictionary_size(self.dictionary)
         if needed > there:
             raise InputError(
-                f"a {self} board has {needed} markers, dictionary {self.dictionary} has {there}: take a larger"
-                " dictionary, such as 5x5_1000, or fewer squares"
+                f"a {self} board has {needed} markers, dictionary {self.dictionary} has {there}: take fewer squares or"
+                " a larger dictionary; the largest, such as 5x5_1000, have 1000"
             )
 
     @property
@@ -99,6 +99,8 @@ class CharucoBoard(Board):
         two layouts they follow.
         """
         flat = grey(picture)
+        if too_thin(flat, FEWEST_SQUARES):
+            return None
         best: BoardView | None = None
         for copy in _copies(flat):
             view = self._look(flat, copy)

@@ -41,7 +41,7 @@ def find_checkerboard(picture: Picture, size: tuple[int, int]) -> Floats | None:
     """
     flat = grey(picture)
     needed = int(LEAST_SHARE * (size[0] * size[1] - 4))
-    if _too_thin(flat, min(size) + 1) or largest_grid(flat, needed) < needed:
+    if too_thin(flat, min(size) + 1) or largest_grid(flat, needed) < needed:
         return None
     for number, scaled in enumerate(_copies(flat, needed)):
         # What every finder missed on the picture itself is seldom there: a quicker search of the other copies.
@@ -60,7 +60,7 @@ def survey_checkerboard(picture: Picture) -> tuple[int, int] | None:
     """
     flat, flags = grey(picture), cv2.CALIB_CB_LARGER | cv2.CALIB_CB_NORMALIZE_IMAGE
     least = (FEWEST_SQUARES - 1) ** 2 - 4
-    if _too_thin(flat, FEWEST_SQUARES) or largest_grid(flat, least) < least:
+    if too_thin(flat, FEWEST_SQUARES) or largest_grid(flat, least) < least:
         return None
     # Starting from 3 x 3 corners, the finder grows the board as far as it goes and says how far that was.
     found, _, meta = cv2.findChessboardCornersSBWithMeta(shrunk(flat), (3, 3), flags)
@@ -94,8 +94,8 @@ def shrunk(flat: Bytes, side: int = WORKING_SIDE) -> Bytes:
     return small
 
 
-def _too_thin(flat: Bytes, squares: int) -> bool:
-    """Whether so many squares cannot be seen across the copy that is searched."""
+def too_thin(flat: Bytes, squares: int) -> bool:
+    """Whether so many squares cannot be seen across the copy of the picture that is searched."""
     return bool(min(flat.shape) * min(1.0, WORKING_SIDE / max(flat.shape)) < SMALLEST_SQUARE * squares)
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereo_gpu.calibration.checkerboard import shrunk, survey_checkerboard
+from stereo_gpu.calibration.checkerboard import FEWEST_SQUARES, shrunk, survey_checkerboard, too_thin
 from stereo_gpu.calibration.hints import Hint
 from stereo_gpu.calibration.markers import (
     FAMILIES,
@@ -69,6 +69,8 @@ def see_markers(flat: Bytes, families: tuple[str, ...] = tuple(FAMILIES)) -> See
         flat: (H, W).
         families: of the dictionaries to try.
     """
+    if too_thin(flat, FEWEST_SQUARES):
+        return None
     flat = shrunk(flat, WORKING_SIDE)
     best: SeenMarkers | None = None
     for family in families:

@@ -35,6 +35,7 @@ TEXT = 2.6  # mm, height of the letters' line
 SMALLEST_TEXT = 1.8  # mm
 LINE = 1.3  # of the text's height, from line to line
 LETTER = 0.6  # of a line's height: width of a letter in the fonts used, at most
+SMALLEST_SQUARE = 0.5  # mm
 LARGEST_PAGE = 5080.0  # mm: PDF allows no larger one
 
 
@@ -87,6 +88,10 @@ def lay_out(board: Board, paper: str) -> Sheet:
         InputError: the paper or the unit is unknown, or the board does not fit; the message says what would.
     """
     scale = _millimetres(board)
+    if board.square * scale < SMALLEST_SQUARE:
+        raise InputError(
+            f"squares of {board.square:g} {board.unit} are too small to print: take {SMALLEST_SQUARE} mm or more"
+        )
     size = np.array([board.columns, board.rows]) * board.square * scale
     length = float(min(RULER, np.floor(size[0] / TICK) * TICK))
     written = _written(board, scale)
@@ -95,7 +100,7 @@ def lay_out(board: Board, paper: str) -> Sheet:
     room = size[0] - length - APART
     beside = room >= SMALLEST_TEXT * longest
     strip = STRIP if beside else STRIP + 2 * LINE * TEXT
-    width, height = _page(board, size, paper, strip)
+    width, height = _page(board, size, paper, strip, longest * SMALLEST_TEXT)
     x = (width - size[0]) / 2
     y = min((height - size[1]) / 2, height - MARGIN - strip - size[1])
     ruler, labels = _ruler(x, y + size[1] + GAP, length)
@@ -122,16 +127,16 @@ def _millimetres(board: Board) -> float:
     return MILLIMETRES[board.unit]
 
 
-def _page(board: Board, size: Doubles, paper: str, strip: float) -> tuple[float, float]:
+def _page(board: Board, size: Doubles, paper: str, strip: float, words: float) -> tuple[float, float]:
     """Width and height of the page."""
     around = np.array([2 * MARGIN, 2 * MARGIN + strip])
     name = str(paper).strip().lower()
     if name == FIT:
-        page = size + around
+        page = np.maximum(size, [words, 0]) + around
         if page.max() > LARGEST_PAGE:
             raise InputError(
-                f"a {board} board of {board.square:g} {board.unit} squares needs a page of {page[0]:.0f} x"
-                f" {page[1]:.0f} mm, {LARGEST_PAGE:.0f} mm is the limit: take smaller squares"
+                f"a {board} board of {board.square:g} {board.unit} squares needs a page of {page[0]:.6g} x"
+                f" {page[1]:.6g} mm, {LARGEST_PAGE:.0f} mm is the limit: take smaller squares"
             )
         return float(page[0]), float(page[1])
     if name not in PAPERS:
