@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_gpu.epipolar.consensus import ENOUGH, agreeing, enough
+from stereo_gpu.epipolar.consensus import ENOUGH, agree_without_rig, agreeing, enough
 from stereo_gpu.epipolar.drift import drifted, fit_drift
 from stereo_gpu.epipolar.error_map import ErrorMap, map_errors
 from stereo_gpu.epipolar.faults import Fault, explain, share_behind
@@ -120,7 +120,8 @@ def check_rig(left: Picture, right: Picture, rig: Rig) -> RigCheck:
     rows = find_rows(*sides, rig.R, rig.T, focal)
     good = agreeing(rows, focal, scale=scale)
     if not enough(good):
-        return _unknown(matches, int(good.sum()), size)
+        other = agree_without_rig(points_left, points_right, scale)
+        return _no_rows(matches, int(good.sum()), size, other=other)
     some = _spread(good)
     drift, _ = fit_drift(sides[0][some], sides[1][some], rig, focal)
     moved = drifted(rig, drift)
@@ -197,8 +198,17 @@ def _spread(good: NDArray[np.bool_]) -> NDArray[np.intp]:
     return known[:: -(-len(known) // MOST)]
 
 
-def _unknown(matches: int, used: int, size: tuple[int, int]) -> RigCheck:
-    """The check of a pair from which nothing can be concluded."""
+def _no_rows(matches: int, used: int, size: tuple[int, int], *, other: bool) -> RigCheck:
+    """The check of a pair whose matches do not agree on rows; `other` says that they agree without the rig."""
+    says = (
+        f"nothing can be said of the rig: of {matches} matched features {used} agree, {ENOUGH} and a quarter of all are"
+        " needed; take a pair with more texture that both cameras see"
+    )
+    if other:
+        says = (
+            f"the rig belongs to other cameras: {matches} matched features agree with each other, but no more than"
+            f" {used} of them with this rig or one like it; give these cameras' own rig, or calibrate again"
+        )
     nothing, none = np.zeros((0, 2)), float("nan")
     return RigCheck(
         matches=matches,
@@ -206,10 +216,9 @@ def _unknown(matches: int, used: int, size: tuple[int, int]) -> RigCheck:
         vertical_95_px=none,
         bias_px=none,
         behind=none,
-        verdict=Verdict.UNKNOWN,
-        says=f"nothing can be said of the rig: of {matches} matched features {used} agree, {ENOUGH} and a quarter of"
-        " all are needed; take a pair with more texture that both cameras see",
-        fault=Fault.NONE,
+        verdict=Verdict.BAD if other else Verdict.UNKNOWN,
+        says=says,
+        fault=Fault.OTHER_RIG if other else Fault.NONE,
         amount=none,
         map=map_errors(nothing, np.zeros(0), size),
         points_left=nothing,

@@ -100,6 +100,15 @@ def test_the_rig_of_other_cameras_is_named(cup, cup_rig, board_pair, board_rig):
         assert "belongs to other cameras" in checked.says and "own rig" in checked.says
 
 
+def test_a_rig_that_is_unlike_any_of_these_cameras_is_named(cup, cup_rig):
+    """Turned by 40 degrees about the axis, no rows agree; the features themselves do, so that it is not for them."""
+    checked = sg.check_rig(*cup, perturbed(cup_rig, (0.0, 0.0, 40.0)))
+    assert checked.fault is Fault.OTHER_RIG and checked.verdict is Verdict.BAD
+    assert "belongs to other cameras" in checked.says
+    with pytest.raises(InputError, match="belongs to other cameras"):
+        refuse_bad(checked)
+
+
 @pytest.mark.parametrize(("side", "by"), [(1, SHIFT_PX), (0, SHIFT_PX), (1, -SHIFT_PX)])
 def test_a_shifted_picture_is_named(cup, cup_rig, board_pair, board_rig, side, by):
     for pair, rig in ((cup, cup_rig), (board_pair, board_rig)):

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from stereo_gpu.epipolar.rows import Rows
+from stereo_gpu.types import Doubles
 
 TRIALS = 500  # with 40 % of the matches true, twelve of them have no wrong one
 ENOUGH, ENOUGH_SHARE = 20, 0.25  # matches that agree, below which nothing is concluded
 NEAR_PX = 3.0  # of the smooth vertical error, at WORKING_SIDE or less
+LINE_PX = 1.5  # from an epipolar line, at WORKING_SIDE or less
+MOSTLY = 0.6  # share of the matches that two views of one thing agree on
 SEED = 0
 
 
@@ -46,3 +50,11 @@ def agreeing(rows: Rows, focal: float, scale: float = 1.0) -> NDArray[np.bool_]:
 def enough(good: NDArray[np.bool_]) -> bool:
     """Whether so many of the matches agree that it is no chance; `good` is (N,), as `agreeing` gives it."""
     return int(good.sum()) >= max(ENOUGH, ENOUGH_SHARE * len(good))
+
+
+def agree_without_rig(points_left: Doubles, points_right: Doubles, scale: float = 1.0) -> bool:
+    """Whether (N, 2) px places in the two pictures mostly fit one epipolar geometry, whichever (MAGSAC++, 2020)."""
+    if len(points_left) < 2 * ENOUGH:
+        return False
+    _, inliers = cv2.findFundamentalMat(points_left, points_right, cv2.USAC_MAGSAC, LINE_PX * scale, 0.999, 5000)
+    return inliers is not None and float(np.mean(inliers != 0)) >= MOSTLY

@@ -13,7 +13,7 @@ CELLS = (8, 6)  # columns, rows
 ENOUGH = 3  # matches of a cell
 REACH = 0.8  # cells: standard deviation of the weights of the smooth map
 FULL = 10  # matches of a cell that count in full
-FAINT = 0.08  # weight below which the map says nothing: a little over a cell from the next value
+FAINT = 0.11  # weight below which the map says nothing: about a cell from the next value
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

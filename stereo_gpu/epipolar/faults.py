@@ -20,6 +20,7 @@ MOST_OF_IT = 0.1  # or this share of the error, if no large turn would be needed
 WORTH_PX, WORTH = 0.15, 0.6  # a fault is named if it takes away so much of the error, and to this share of it
 FAR_DEG = 1.0  # cameras that turned by more cannot be told from others
 UNEXPLAINED_PX = 0.5
+LARGEST = 50.0  # times the unit of a fit: 50 px, 10 degrees, half the size
 
 
 class Fault(StrEnum):
@@ -123,7 +124,7 @@ def _simple(points_left: Doubles, points_right: Doubles, rig: Rig, focal: float)
         )
     ]
     for name, other, change in (("right", "left", right_by), ("left", "right", left_by)):
-        turned, rest = _fit(lambda number, change=change: change(turned=number), 0.1)  # type: ignore[misc]
+        turned, rest = _fit(lambda number, change=change: change(turned=number), 0.2)  # type: ignore[misc]
         found.append(
             Explanation(
                 fault=Fault.ROTATED,
@@ -197,14 +198,17 @@ def _undone(points: Doubles, camera: Camera, *, down: float = 0.0, turned: float
 
 
 def _fit(errors: Callable[[float], Doubles], unit: float) -> tuple[float, Doubles]:
-    """The number for which the errors are smallest, by robust least squares, and those errors."""
+    """The number for which the errors are smallest, by robust least squares, and those errors; `unit` is its scale."""
     from scipy.optimize import least_squares
 
     def residuals(number: Doubles) -> Doubles:
         found: Doubles = np.nan_to_num(errors(float(number[0]) * unit), nan=10.0) / 0.3
         return found
 
-    number = float(least_squares(residuals, np.zeros(1), loss="soft_l1", max_nfev=50).x[0]) * unit
+    number = (
+        float(least_squares(residuals, np.zeros(1), bounds=(-LARGEST, LARGEST), loss="soft_l1", max_nfev=50).x[0])
+        * unit
+    )
     return number, errors(number)
 
 
