@@ -8,6 +8,7 @@ import numpy as np
 
 from stereo_gpu.errors import InputError
 from stereo_gpu.rig import ROTATION_TOLERANCE
+from stereo_gpu.rig_files.tree import LARGEST_NUMBER
 from stereo_gpu.types import Doubles
 
 ROUNDED = 1e-3  # largest |R R' - 1| of a rotation that was rounded; a worse one is none
@@ -46,6 +47,6 @@ def shift(name: str, projection: Doubles) -> Doubles:
         raise InputError(f"{name} must read fx s cx . / 0 fy cy . / 0 0 1 ., but has {matrix.tolist()!s:.60}")
     with np.errstate(over="ignore", invalid="ignore"):
         found = np.linalg.solve(matrix, projection[:, 3]).astype(np.float64)
-    if not np.isfinite(found).all():
-        raise InputError(f"{name} gives a shift that is not finite: mend the value")
+    if not (np.abs(found) <= LARGEST_NUMBER).all():
+        raise InputError(f"{name} gives a shift of {np.abs(found).max():g}: mend the value")
     return found

@@ -71,7 +71,8 @@ def in_unit(rig: Rig, unit: str | None) -> Rig:
     if rig.unit not in METRES_PER_UNIT:
         raise InputError(f"its lengths are in {rig.unit!r:.40}, which cannot be turned into {unit}: leave the unit out")
     scale = METRES_PER_UNIT[rig.unit] / METRES_PER_UNIT[unit]
-    deviations = rig.deviations and replace(rig.deviations, T=rig.deviations.T * scale)
+    with np.errstate(over="ignore"):  # infinite deviations are refused as such
+        deviations = rig.deviations and replace(rig.deviations, T=rig.deviations.T * scale)
     return replace(rig, T=rig.T * scale, unit=unit, deviations=deviations)
 
 

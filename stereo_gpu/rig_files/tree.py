@@ -16,6 +16,7 @@ from stereo_gpu.types import Doubles
 
 DEEPEST = 32  # levels; the files of calibrations have three
 LONGEST_NUMBER = 400  # characters; "1e-300" written out has 302
+LARGEST_NUMBER = 1e30  # so that squares and products do not overflow
 LARGEST_WHOLE = 2**31 - 1
 
 Tree = str | list["Tree"] | dict[str, "Tree"]
@@ -36,7 +37,7 @@ def number(name: str, text: Tree) -> float:
     """The finite number that a text is, as Python, C or OpenCV (.Nan, .Inf) write it.
 
     Raises:
-        InputError: it is none.
+        InputError: it is none, or larger than anything in a calibration.
     """
     try:
         # float would take 1_000 and any script's digits.
@@ -47,6 +48,8 @@ def number(name: str, text: Tree) -> float:
         raise InputError(f"{name} holds {shorten(text)}: it must be a number") from None
     if not math.isfinite(value):
         raise InputError(f"{name} holds {text:.40}: it must be finite")
+    if abs(value) > LARGEST_NUMBER:
+        raise InputError(f"{name} holds {text:.40}: no calibration has a number above {LARGEST_NUMBER:g}")
     return value
 
 
