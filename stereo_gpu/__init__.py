@@ -8,13 +8,15 @@ Conventions stand in `stereo_gpu.types`, errors in `stereo_gpu.errors`.
 """
 
 from stereo_gpu.backends import DeviceStatus, devices
-from stereo_gpu.calibrate import calibrate
+from stereo_gpu.calibrate import calibrate, calibrate_in_full
 from stereo_gpu.calibration.board import Board
 from stereo_gpu.calibration.board_print import PrintedBoard, print_board
 from stereo_gpu.calibration.charuco import CharucoBoard
+from stereo_gpu.calibration.outcome import Calibration
 from stereo_gpu.capture import Recording, capture
 from stereo_gpu.check import PairCheck, check_rectified
 from stereo_gpu.config import MeshOptions
+from stereo_gpu.deviations import Deviations
 from stereo_gpu.epipolar.eight_point import eight_point
 from stereo_gpu.epipolar.features import match_features
 from stereo_gpu.epipolar.pose import estimate_pose
@@ -36,9 +38,11 @@ from stereo_gpu.types import Disparity, Mesh, RectifiedPair, Surface, Validity, 
 
 __all__ = [
     "Board",
+    "Calibration",
     "Camera",
     "CameraSettings",
     "CharucoBoard",
+    "Deviations",
     "DeviceStatus",
     "Disparity",
     "KnownDistance",
@@ -57,6 +61,7 @@ __all__ = [
     "Validity",
     "View",
     "calibrate",
+    "calibrate_in_full",
     "capture",
     "check_rectified",
     "check_rig",

@@ -163,7 +163,7 @@ def test_mixed_sizes_name_the_files(pictures, tmp_path):
 def real(data):
     """The boards found in real pairs; and in the same right pictures, mirrored."""
     folder, board = data / "calibration" / "board_10x7", Board(10, 7, 30.0)
-    left, right = (sorted(folder.glob(f"{side}*.jpg"))[:8] for side in ("left", "right"))
+    left, right = (sorted(folder.glob(f"{side}*.jpg"))[:6] for side in ("left", "right"))
     found, sizes = find_pairs(left, right, board, None)
     flipped = [board.find(np.ascontiguousarray(read_image(path)[:, ::-1])) for path in right]
     return board, found, sizes, flipped
