@@ -129,8 +129,8 @@ def test_other_lines_stay_above_the_map(clock, wide):
 
 def test_more_than_three_lacks_are_counted(clock, wide):
     terminal = Terminal()
-    TerminalMap(terminal, clock).show(look(missing=(["a", "b", "c"], ["d", "e"])))
-    assert terminal.screen[-3:] == ["left: a", "left: b", "and 3 more"]
+    TerminalMap(terminal, clock).show(look(missing=(["a", "b", "c"], ["d", "b", "e"])))
+    assert terminal.screen[-3:] == ["both pictures: b", "left: a", "and 3 more"]
 
 
 @pytest.mark.parametrize(("columns", "lines"), [("30", "24"), ("80", "8"), ("12", "3")])

@@ -65,3 +65,18 @@ class PairCoverage:
         if step.startswith("move it to"):
             step += f" of the {SIDES[side]} picture"
         return step or "hold it at another place or tilt"
+
+
+def by_picture(missing: tuple[list[str], list[str]]) -> list[tuple[str, list[str]]]:
+    """What is missing in "both pictures", the "left picture" and the "right picture", without those that lack nothing.
+
+    Args:
+        missing: of the left and of the right camera, as `PairCoverage.missing` gives it.
+    """
+    both = [lack for lack in missing[0] if lack in missing[1]]
+    parts = [("both pictures", both)]
+    parts += [
+        (f"{side} picture", [lack for lack in own if lack not in both])
+        for side, own in zip(SIDES, missing, strict=True)
+    ]
+    return [(where, lacks) for where, lacks in parts if lacks]

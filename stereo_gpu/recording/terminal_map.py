@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable
 from typing import TextIO
 
+from stereo_gpu.calibration.pair_coverage import by_picture
 from stereo_gpu.recording.board_watch import Look
 from stereo_gpu.types import Ints
 
@@ -81,7 +82,7 @@ class TerminalMap:
         if height > len(maps[0]) + LACKS + 5 and width > 2 * wide + len(GAP):
             titles = [f"{title:<{wide}}" for title in ("left camera", "right camera")]
             lacks = [
-                f"{side}: {lack}" for side, own in zip(("left", "right"), look.missing, strict=True) for lack in own
+                f"{where.removesuffix(' picture')}: {lack}" for where, own in by_picture(look.missing) for lack in own
             ]
             if len(lacks) > LACKS:
                 lacks[LACKS - 1 :] = [f"and {len(lacks) - LACKS + 1} more"]
