@@ -11,6 +11,7 @@ import stereo_gpu as sg
 from stereo_gpu.calibration.board_print import rasterise
 from stereo_gpu.calibration.charuco import CharucoBoard
 from stereo_gpu.calibration.markers import marker_squares
+from stereo_gpu.calibration.neighbours import fits_neighbours
 from stereo_gpu.calibration.sheet import lay_out
 from stereo_gpu.errors import CalibrationError, InputError
 
@@ -195,6 +196,23 @@ def test_a_board_with_and_without_markers_is_named(picture):
     assert "a plain checkerboard of 8x6 squares and no markers: leave out --marker" in BOARD.hint(photo, None).text
     told = sg.Board(7, 5, 30.0).hint(picture, None).text
     assert "found a ChArUco board with markers of dictionary 5x5_50: say --board 8x6 --dictionary 5x5_50" in told
+
+
+def test_a_corner_that_is_off_is_left_out(truth):
+    places = np.column_stack([np.arange(35) % 7, np.arange(35) // 7])
+    corners = truth.astype(np.float32)
+    assert fits_neighbours(corners, places).all()
+    corners[[0, 17]] += (3.0, -2.0)
+    np.testing.assert_array_equal(np.flatnonzero(~fits_neighbours(corners, places)), [0, 17])
+    assert fits_neighbours(corners[:7], places[:7]).all()  # in one line nothing can be said
+
+
+def test_markers_close_to_the_corners():
+    board = CharucoBoard(8, 6, 30.0, 27.0)
+    pose = next(boards.poses(board, 1, seed=4))
+    view = board.find(boards.photograph(drawing(board), board, boards.LEFT, *pose))
+    assert len(view.ids) >= 30
+    assert rms(view, boards.project(board, boards.LEFT, *pose)) < 0.3
 
 
 def test_the_board_that_is_meant_gives_no_hint(picture):

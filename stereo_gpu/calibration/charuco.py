@@ -23,12 +23,15 @@ from stereo_gpu.calibration.markers import (
     marker_squares,
     steps_between,
 )
+from stereo_gpu.calibration.neighbours import fits_neighbours
 from stereo_gpu.errors import InputError
 from stereo_gpu.images import grey
-from stereo_gpu.types import Bytes, Ints, Picture
+from stereo_gpu.types import Bytes, Floats, Ints, Picture
 
 FEWEST_CORNERS = 6  # that a view must show, in two rows at least
 FEWEST_MARKERS = 4
+SMALLEST_REACH = 1.3  # px from a corner to the next marker: a window of 2 px, rounded, does little harm
+LARGEST_COPY = 4  # times the picture, to place corners that have markers close by
 ENOUGH = 0.5  # of the board's corners: no need to look at another size of the picture
 
 
@@ -138,8 +141,19 @@ class CharucoBoard(Board):
         # The window must not reach the markers, which stand (1 - ratio) / 2 squares from the corner.
         scale = flat.shape[1] / copy.shape[1], flat.shape[0] / copy.shape[0]
         side = float(np.linalg.norm(np.diff(markers.outlines, axis=1), axis=-1).min()) / ratio * min(scale)
-        placed = place_corners(flat, (corners + 0.5) * scale - 0.5, side * (1 - ratio) / 2)
-        return BoardView(placed, ids, legacy)
+        placed = _place(flat, (corners + 0.5) * scale - 0.5, side * (1 - ratio) / 2)
+        fits = fits_neighbours(placed, np.column_stack([ids % (self.columns - 1), ids // (self.columns - 1)]))
+        return BoardView(placed[fits], ids[fits], legacy) if _spread(ids[fits], self.columns - 1) else None
+
+
+def _place(flat: Bytes, corners: Floats, reach: float) -> Floats:
+    """Where the edges meet; on an enlarged copy where the markers are so close that no window of whole px fits."""
+    times = min(LARGEST_COPY, math.ceil(2 / max(reach, 0.1)))
+    if reach >= SMALLEST_REACH or max(flat.shape) * times > 2 * WORKING_SIDE:
+        return place_corners(flat, corners, reach)
+    large = cv2.resize(flat, None, fx=times, fy=times, interpolation=cv2.INTER_CUBIC)
+    placed = place_corners(large, (corners + 0.5) * times - 0.5, reach * times)
+    return np.asarray((placed + 0.5) / times - 0.5, np.float32)
 
 
 def _copies(flat: Bytes) -> Iterator[Bytes]:
