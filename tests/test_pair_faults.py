@@ -12,6 +12,7 @@ from stereo_gpu.calibrate import calibrate
 from stereo_gpu.calibration.board import Board, BoardView
 from stereo_gpu.calibration.board_pairs import find_pairs
 from stereo_gpu.calibration.fit import fit_pairs
+from stereo_gpu.calibration.movement import out_of_step
 from stereo_gpu.errors import CalibrationError, PictureError
 from stereo_gpu.images import read_image, write_png
 
@@ -86,6 +87,19 @@ def test_cameras_that_moved_a_little_raise_a_doubt():
     move = fit(before[:5] + after[5:]).move
     assert move is not None and move.first == 5
     assert move.degrees == pytest.approx(0.06, abs=0.03)
+
+
+@pytest.mark.parametrize("count", [6, 8, 14])
+def test_cameras_out_of_step_did_not_move(count):
+    # The board went on by a millimetre or so until the right camera took its picture.
+    random = np.random.default_rng(count)
+    truth = corner_pairs.truth(count, seed=count)
+    later = dataclasses.replace(truth, translations=truth.translations + random.normal(0, 1.5, (count, 3)))
+    left, right = corner_pairs.corners_of(truth, 1)[0], corner_pairs.corners_of(later, 2)[1]
+    found = fit(corner_pairs.as_pairs((left, right)))
+    assert found.move is None
+    assert out_of_step(found.normal) > 0.5
+    assert out_of_step(fit(corner_pairs.pairs(count, seed=count)).normal) < 0.2
 
 
 def test_pairs_in_any_other_order():

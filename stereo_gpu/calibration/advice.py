@@ -10,6 +10,7 @@ from stereo_gpu.calibration.board import Board
 from stereo_gpu.calibration.coverage import Coverage, missing_in_both
 from stereo_gpu.calibration.fit import Fit
 from stereo_gpu.calibration.lenses import SIDES, seen_by
+from stereo_gpu.calibration.movement import out_of_step
 from stereo_gpu.calibration.next_view import find_next_view
 from stereo_gpu.calibration.uncertainty import corner_variance, working_places
 from stereo_gpu.calibration.undetermined import UNDETERMINED, undetermined
@@ -18,6 +19,7 @@ from stereo_gpu.rig import DISTORTION_COUNTS, Rig
 
 UNCERTAIN = 0.01  # deviation of a focal length, as a share of it: a poor one; careful ones have 0.0003 to 0.001
 UNCERTAIN_DEGREES = 0.2  # of R: careful ones have 0.05 to 0.1
+OUT_OF_STEP = 0.5  # of the squared error; good sets have 0.04 and 0.14
 FEW_PAIRS = 10
 HIGH_ERROR_PX = 1.0
 
@@ -48,6 +50,11 @@ def advise(fit: Fit, rig: Rig, deviations: Deviations, board: Board) -> tuple[st
         told.append(
             f"the cameras may have moved by {fit.move.degrees:.2f} degrees before {first.names[0]}: two rigs would"
             f" explain {fit.move.share:.0%} of the squared error; fasten them and take the pairs again"
+        )
+    elif (share := out_of_step(fit.normal)) > OUT_OF_STEP and len(fit.used) >= FEW_PAIRS // 2:
+        told.append(
+            f"{share:.0%} of the squared error comes from pairs that would each fit a rig of their own: hold the board"
+            " still, or let both cameras take their pictures at one moment"
         )
     for side, (lens, found) in enumerate(zip(fit.bundle.lenses, (deviations.left, deviations.right), strict=True)):
         share = max(found.fx / lens[0], found.fy / lens[1])

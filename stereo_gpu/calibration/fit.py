@@ -11,7 +11,7 @@ from stereo_gpu.calibration.board_pairs import BoardPair
 from stereo_gpu.calibration.bundle import Bundle, Corners, Normal, linearise, refine, residuals
 from stereo_gpu.calibration.lenses import Lens, calibrate_lenses, degenerate, seen_by
 from stereo_gpu.calibration.mismatch import explain_mismatch, moved
-from stereo_gpu.calibration.movement import SURE_SHARE, Move, find_move, find_split
+from stereo_gpu.calibration.movement import Move, find_move, find_split
 from stereo_gpu.calibration.outliers import drop, drop_outliers, used_pairs
 from stereo_gpu.calibration.pairing import propose
 from stereo_gpu.calibration.undetermined import missing_tilts
@@ -82,7 +82,7 @@ def fit_pairs(found: list[BoardPair], sizes: list[tuple[int, int]], board: Board
         if not np.isfinite(normal.squares):
             raise CalibrationError(degenerate(None))
         move = find_move(normal, len(corners[0].seen) + len(corners[1].seen))
-        if move is not None and move.share >= SURE_SHARE:
+        if move is not None and move.sure:
             raise CalibrationError(moved(pairs, move.first, f" by {move.degrees:.2f} degrees against each other"))
         distances = both_distances(bundle, corners)
         if first:

@@ -13,8 +13,8 @@ from stereo_gpu.types import Doubles
 FEWEST_IN_GROUP = 3  # fewer pairs at one end are outliers rather than another rig
 APART = 3.0  # the other group's boards, carried over, fit so many times worse than the own ones
 SURE_SHARE = 0.5  # of the squares that a move takes away: then the cameras moved. Real sets that did not: up to 0.04
-LIKELY_SHARE = 0.15  # then they may have
-SURE_SQUARES = 300.0  # in variances, that a move must take away besides; real sets that did not: up to 110
+SURE_EVIDENCE = 20.0  # and so many times what single views take away; cameras out of step reach 13
+LIKELY_SHARE, LIKELY_EVIDENCE = 0.15, 12.0  # then they may have
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,11 +25,18 @@ class Move:
         first: number of the pair, from 0 among those used, from which on they stood otherwise.
         degrees: how far they turned against each other.
         share: part of the squared error that the move explains.
+        evidence: squares that it takes away, in those that the rigs of single views would each take away besides.
     """
 
     first: int
     degrees: float
     share: float
+    evidence: float
+
+    @property
+    def sure(self) -> bool:
+        """Whether there is no other explanation."""
+        return self.share >= SURE_SHARE and self.evidence >= SURE_EVIDENCE
 
 
 def find_split(proposals: Proposals) -> int | None:
@@ -61,7 +68,9 @@ def find_split(proposals: Proposals) -> int | None:
 def find_move(normal: Normal, corners: int) -> Move | None:
     """The split after which two rigs would explain most of the error that one leaves; None where that is little.
 
-    One Gauss-Newton step gives the squares that every split would take away, so that none need be fitted.
+    One Gauss-Newton step gives the squares that every split would take away, so that none need be fitted. What a rig
+    for each single view would take away besides is how little pairs agree without any move, as where the cameras do
+    not take their pictures at one moment; a move must stand out from that (an F test).
 
     Args:
         normal: of the fit with one rig.
@@ -73,14 +82,42 @@ def find_move(normal: Normal, corners: int) -> Move | None:
         return None
     variance = normal.squares / max(1, 2 * corners - size - POSE * views)
     between = slice(size - POSE, size)
-    best = Move(first=0, degrees=0.0, share=0.0)
+    every = _taken_by_single_views(information, gradient)
+    best: Move | None = None
     for first in range(FEWEST_IN_GROUP, views - FEWEST_IN_GROUP + 1):
         after, slope = information[first:].sum(axis=0), gradient[first:].sum(axis=0)[between]
         matrix = np.block([[information.sum(axis=0), after[:, between]], [after[between], after[between, between]]])
         whole = np.concatenate([gradient.sum(axis=0), slope])
         step: Doubles = -scaled_inverse(matrix) @ whole
         taken = float(-whole @ step)
-        if taken > best.share * normal.squares and taken > SURE_SQUARES * variance:
-            turned = float(np.rad2deg(np.linalg.norm(step[size : size + 3])))
-            best = Move(first=first, degrees=turned, share=taken / normal.squares)
-    return best if best.share >= LIKELY_SHARE else None
+        left = max(every - taken, 0.0) / (views - 2) + POSE * variance
+        found = Move(
+            first=first,
+            degrees=float(np.rad2deg(np.linalg.norm(step[size : size + 3]))),
+            share=taken / normal.squares,
+            evidence=taken / left,
+        )
+        if best is None or found.share > best.share:
+            best = found
+    likely = best is not None and best.share >= LIKELY_SHARE and best.evidence >= LIKELY_EVIDENCE
+    return best if likely else None
+
+
+def out_of_step(normal: Normal) -> float:
+    """Share of the squares that a rig for every view by itself would take away.
+
+    Noise in the corners leaves 0.05 to 0.15; much more means pictures of a pair that were not taken at one moment.
+    """
+    return _taken_by_single_views(*normal.reduced()) / normal.squares if normal.squares > 0 else 0.0
+
+
+def _taken_by_single_views(information: Doubles, gradient: Doubles) -> float:
+    """Squares that a rig for every view by itself would take away, with the lenses still shared."""
+    lenses, between = slice(0, -POSE), slice(-POSE, None)
+    cross, own = information[:, lenses, between], information[:, between, between]
+    inverse = np.stack([scaled_inverse(each) for each in own])
+    solved = np.einsum("vij,vj->vi", inverse, gradient[:, between])
+    rest = (information[:, lenses, lenses] - cross @ inverse @ np.swapaxes(cross, 1, 2)).sum(axis=0)
+    slope = (gradient[:, lenses] - np.einsum("vlj,vj->vl", cross, solved)).sum(axis=0)
+    alone = float(np.einsum("vi,vi->", gradient[:, between], solved))
+    return alone + float(slope @ scaled_inverse(rest) @ slope)
