@@ -48,7 +48,8 @@ class Recording:
     Args:
         folder: where its pairs are.
         taken: pairs that were written.
-        dropped: pairs whose skew was above the limit; never written.
+        seen: pairs whose skew was within the limit, of which the chooser took its own.
+        dropped: pairs whose skew was above it; never written.
         passed_over: pairs for which neither chooser nor disk had time; from cameras only.
         damaged: pairs of which a camera sent a part only.
         unmatched: the left and the right source's pictures that had no partner in time.
@@ -60,6 +61,7 @@ class Recording:
 
     folder: Path
     taken: int
+    seen: int
     dropped: int
     passed_over: int
     damaged: int
@@ -174,6 +176,7 @@ def _record(
             if frame is not None and frame.skew_ms > max_skew_ms:
                 tally.dropped += 1
             elif frame is not None:
+                tally.seen += 1
                 tally.look(frame, feed.reader)
                 try:
                     taken = chooser.choose(frame)
@@ -196,7 +199,7 @@ def _record(
         tally.written(writer.finished(at_most=0))
     if wanted <= 0:
         return f"all {count} pairs were taken"
-    return "enough pairs were taken" if chooser.done else feed.reader.ended or "stopped"
+    return "no more pairs were wanted" if chooser.done else feed.reader.ended or "stopped"
 
 
 class _Tally:
@@ -204,6 +207,7 @@ class _Tally:
 
     def __init__(self, on_pair: Callable[[Taken], None] | None) -> None:
         self.skews_ms = array("d")
+        self.seen = 0
         self.dropped = 0
         self.warnings: list[str] = []
         self._on_pair = on_pair
@@ -237,6 +241,7 @@ class _Tally:
         return Recording(
             folder=folder,
             taken=len(self.skews_ms),
+            seen=self.seen,
             dropped=self.dropped,
             passed_over=feed.passed_over if feed is not None else 0,
             damaged=feed.reader.damaged if feed is not None else 0,

@@ -137,7 +137,7 @@ def test_pairs_too_far_apart_are_dropped_and_counted(tmp_path):
     right = video(tmp_path / "right.mp4", [0, *range(4, 61, 3)], rate=120.0)
     recording = capture(left, right, tmp_path / "out", count=None, interval=0, max_skew_ms=5)
     assert seen(tmp_path / "out", listed(tmp_path / "out")) == [(0, 0)]
-    assert recording.taken == 1 and recording.dropped == 19
+    assert recording.taken == recording.seen == 1 and recording.dropped == 19
     assert "1 pair taken, 19 dropped" in str(recording)
     kept = capture(left, right, tmp_path / "all", count=None, interval=0)
     assert kept.taken == 20 and kept.dropped == 0

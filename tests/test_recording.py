@@ -97,7 +97,7 @@ def test_lines_instead_of_keys(film, tmp_path):
     command = [sys.executable, "-c", RUN, "capture", film, film, "--on-key", "--out", str(tmp_path / "out")]
     done = subprocess.run(command, input="\n\nlast one\n", capture_output=True, text=True, timeout=LIMIT_S)
     assert done.returncode == 0 and done.stderr == ""
-    assert "3 pairs taken" in done.stdout and "ended: enough pairs were taken" in done.stdout
+    assert "3 pairs taken" in done.stdout and "ended: no more pairs were wanted" in done.stdout
 
 
 TOLD = {"fps": 30.0, "exposure": 100.0, "gain": 10.0, "focus": 0.0, "white_balance": 4600.0, "auto_exposure": 1.0}
@@ -193,7 +193,7 @@ def test_wrong_settings(option, says):
         (("a", "b", "--side-by-side"), "--side-by-side is for one source"),
         (("a", "b", "--size", "640"), "'640': give width x height"),
         (("a", "b", "--square", "30"), "--square 30.0: it is for --board"),
-        (("a", "b", "--board", "10x7", "--dictionary", "5x5_250"), "it is for --marker"),
+        (("a", "b", "--board", "10x7", "--dictionary", "5x5_250"), "stands without --marker"),
         (("a", "b", "--board", "ten"), "10x7"),
         (("a", "b", "--every", "--on-key"), "not allowed with"),
         (("a", "b", "--max-skew", "-1"), "max_skew_ms = -1"),

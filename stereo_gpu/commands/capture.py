@@ -7,24 +7,21 @@ import shlex
 import signal
 import sys
 import threading
-import time
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
+from stereo_gpu.commands.arguments import read_board
+from stereo_gpu.commands.recording_terminal import Lines, stopping_on_signals
 from stereo_gpu.errors import InputError
-from stereo_gpu.progress import CLEAR_LINE
 
 if TYPE_CHECKING:
     from stereo_gpu.capture import Recording
     from stereo_gpu.recording.board_watch import BoardChooser
     from stereo_gpu.recording.choosers import Chooser
-    from stereo_gpu.recording.pair_writer import Taken
 
 USUAL_INTERVAL_S = 2.0
 USUAL_COUNT = 15
-REDRAW_S = 0.1
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -90,10 +87,10 @@ def run(options: argparse.Namespace) -> None:
     stop = threading.Event()
     with ExitStack() as stack:
         chooser, status = _chooser(options, stack)
-        lines = _Lines(count, each=not options.every, status=status)
+        lines = Lines(count, each=not options.every, status=status)
         stack.callback(lines.close)
         # Innermost: what is on the way is written, and the terminal is set back, before the signal has its effect.
-        signals = stack.enter_context(_stopping_on_signals(stop))
+        signals = stack.enter_context(stopping_on_signals(stop))
         recording = capture(
             options.left,
             options.right,
@@ -107,6 +104,11 @@ def run(options: argparse.Namespace) -> None:
             stop=stop,
             on_pair=lines.pair,
             on_status=lines.status,
+        )
+    if recording.dropped and not recording.seen and not signals:
+        raise InputError(
+            f"no pair was taken: the skews of all {recording.dropped} were above the limit; set both cameras to one"
+            " --fps, or raise --max-skew if nothing moves before them"
         )
     _sum_up(recording, options)
     if isinstance(chooser, BoardChooser):
@@ -126,11 +128,9 @@ def _check(options: argparse.Namespace) -> None:
             if options.side_by_side
             else f"{options.left} is one source: name the right camera too, or say --side-by-side"
         )
-    for name, owner in (("square", "board"), ("marker", "board"), ("page", "board"), ("dictionary", "marker")):
+    for name, owner in (("square", "board"), ("marker", "board"), ("dictionary", "board"), ("page", "board")):
         if getattr(options, name) is not None and getattr(options, owner) is None:
             raise InputError(f"--{name} {getattr(options, name)}: it is for --{owner}, which is not given")
-    if options.marker is not None and options.square is None:
-        raise InputError(f"--marker {options.marker:g}: give --square, too")
 
 
 def _chooser(options: argparse.Namespace, stack: ExitStack) -> tuple[Chooser | None, bool]:
@@ -142,17 +142,11 @@ def _chooser(options: argparse.Namespace, stack: ExitStack) -> tuple[Chooser | N
         return KeyChooser(stack.enter_context(Keys())), True
     if options.board is None:
         return None, True
-    from stereo_gpu.calibration.board import Board
-    from stereo_gpu.calibration.charuco import CharucoBoard
     from stereo_gpu.recording.board_watch import BoardChooser
     from stereo_gpu.recording.live_page import LivePage, parse_address
     from stereo_gpu.recording.terminal_map import TerminalMap
 
-    # Only its shape counts here; the unit is the calibration's concern.
-    board = Board.parse(options.board, 30.0 if options.square is None else options.square)
-    if options.marker is not None:
-        more = {} if options.dictionary is None else {"dictionary": options.dictionary}
-        board = CharucoBoard(board.columns, board.rows, board.square, options.marker, **more)
+    board = read_board(options)
     terminal = stack.enter_context(TerminalMap(sys.stderr))
     shows = [terminal.show]
     if not options.no_page:
@@ -181,60 +175,6 @@ def _count_in(chooser: BoardChooser, folder: Path) -> None:
         print(f"stereo-gpu: {known} pairs with the board are in {folder} and count", file=sys.stderr, flush=True)
 
 
-class _Lines:
-    """What the terminal shows while pairs are taken: a line for each, and one that is redrawn below."""
-
-    def __init__(self, count: int | None, each: bool, status: bool) -> None:
-        self._count = count
-        self._each = each
-        self._drawn = status and sys.stderr.isatty()
-        self._taken = 0
-        self._drawn_s = 0.0
-
-    def pair(self, pair: Taken) -> None:
-        """Tell of a pair."""
-        self._taken += 1
-        if self._each:
-            self._clear()
-            print(f"pair {pair.number}: {pair.left.name}, {pair.right.name}, skew {pair.skew_ms:.1f} ms", flush=True)
-
-    def status(self, text: str) -> None:
-        """Show what is waited for, some times a second."""
-        now = time.monotonic()
-        if self._drawn and now - self._drawn_s >= REDRAW_S:
-            self._drawn_s = now
-            of = "" if self._count is None else f" of {self._count}"
-            print(f"{CLEAR_LINE}{self._taken}{of} taken; {text}", end="", file=sys.stderr, flush=True)
-
-    def close(self) -> None:
-        """Leave the line empty."""
-        self._clear()
-
-    def _clear(self) -> None:
-        if self._drawn:
-            print(CLEAR_LINE, end="", file=sys.stderr, flush=True)
-
-
-@contextmanager
-def _stopping_on_signals(stop: threading.Event) -> Iterator[list[int]]:
-    """Let the first signal to end set `stop`; a second one ends at once. Gives the signals that came."""
-    came: list[int] = []
-
-    def handle(number: int, _: Any) -> None:
-        came.append(number)
-        if stop.is_set():
-            raise KeyboardInterrupt
-        stop.set()
-
-    wanted = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
-    before = {number: signal.signal(number, handle) for number in wanted}
-    try:
-        yield came
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-
-
 def _sum_up(recording: Recording, options: argparse.Namespace) -> None:
     print(f"{recording.folder}: {recording}")
     print(f"ended: {recording.ended}")
@@ -249,15 +189,14 @@ def _sum_up(recording: Recording, options: argparse.Namespace) -> None:
 
 
 def _say_what_is_missing(chooser: BoardChooser) -> None:
-    from stereo_gpu.calibration.pair_coverage import FEWEST_PAIRS, SIDES
+    from stereo_gpu.calibration.pair_coverage import FEWEST_PAIRS, by_picture
 
     if chooser.coverage is None:
         return
     if chooser.coverage.pairs < FEWEST_PAIRS:
         print(f"missing: {FEWEST_PAIRS - chooser.coverage.pairs} of at least {FEWEST_PAIRS} pairs")
-    for side, lacks in zip(SIDES, chooser.coverage.missing(), strict=True):
-        for lack in lacks:
-            print(f"missing, {side} camera: {lack}")
+    for where, lacks in by_picture(chooser.coverage.missing()):
+        print(f"missing in {where}: {'; '.join(lacks)}")
     if not chooser.done:
         print("a new run into the same folder goes on from here")
 
@@ -269,8 +208,7 @@ def _calibrate_command(options: argparse.Namespace) -> str:
         board += ["--marker", f"{options.marker:g}"]
     if options.dictionary is not None:
         board += ["--dictionary", options.dictionary]
-    pictures = [f"{options.out}/{side}*.png" for side in ("left", "right")]
-    return shlex.join(["stereo-gpu", "calibrate", *pictures, *board, "--out", "rig.json"])
+    return shlex.join(["stereo-gpu", "calibrate", str(options.out), *board, "--out", "rig.json"])
 
 
 def _size(text: str) -> tuple[int, int]:

@@ -8,6 +8,8 @@ import sys
 import threading
 from types import TracebackType
 
+from stereo_gpu.errors import InputError
+
 PRESSES = {b"\n", b"\r", b" "}
 ENOUGH = {b"q", b"Q", b"\x1b", b"\x04"}  # also escape, and the end of input as a terminal sends it
 LOOK_S = 0.1  # how often the thread looks whether it is to end
@@ -21,10 +23,16 @@ class Keys:
 
     Attributes:
         on_terminal: whether a person presses them.
+
+    Raises:
+        InputError: there is no standard input.
     """
 
     def __init__(self) -> None:
-        self._input = sys.stdin.fileno()
+        try:
+            self._input = sys.stdin.fileno()
+        except (AttributeError, ValueError, OSError) as error:  # none at all, closed, or not of the system
+            raise InputError("there is no standard input to read keys from: run this in a terminal") from error
         self.on_terminal = os.isatty(self._input)
         self._presses = 0
         self._ended = False

@@ -1,0 +1,72 @@
+"""What the terminal shows of a recording, and how Ctrl-C ends one."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from stereo_gpu.progress import CLEAR_LINE
+
+if TYPE_CHECKING:
+    from stereo_gpu.recording.pair_writer import Taken
+
+REDRAW_S = 0.1
+
+
+class Lines:
+    """What the terminal shows while pairs are taken: a line for each, and one that is redrawn below."""
+
+    def __init__(self, count: int | None, each: bool, status: bool) -> None:
+        self._count = count
+        self._each = each
+        self._drawn = status and sys.stderr.isatty()
+        self._taken = 0
+        self._drawn_s = 0.0
+
+    def pair(self, pair: Taken) -> None:
+        """Tell of a pair."""
+        self._taken += 1
+        if self._each:
+            self._clear()
+            print(f"pair {pair.number}: {pair.left.name}, {pair.right.name}, skew {pair.skew_ms:.1f} ms", flush=True)
+
+    def status(self, text: str) -> None:
+        """Show what is waited for, some times a second."""
+        now = time.monotonic()
+        if self._drawn and now - self._drawn_s >= REDRAW_S:
+            self._drawn_s = now
+            of = "" if self._count is None else f" of {self._count}"
+            print(f"{CLEAR_LINE}{self._taken}{of} taken; {text}", end="", file=sys.stderr, flush=True)
+
+    def close(self) -> None:
+        """Leave the line empty."""
+        self._clear()
+
+    def _clear(self) -> None:
+        if self._drawn:
+            print(CLEAR_LINE, end="", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def stopping_on_signals(stop: threading.Event) -> Iterator[list[int]]:
+    """Let the first signal to end set `stop`; a second one ends at once. Gives the signals that came."""
+    came: list[int] = []
+
+    def handle(number: int, _: Any) -> None:
+        came.append(number)
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set()
+
+    wanted = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    before = {number: signal.signal(number, handle) for number in wanted}
+    try:
+        yield came
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
