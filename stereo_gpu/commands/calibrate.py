@@ -44,7 +44,7 @@ def run(options: argparse.Namespace) -> None:
     board = read_board(options)
     left, right = _chosen(options.pairs, *split_pictures(options.pictures))
     report = None if options.no_report else options.report or options.out.with_suffix(".html")
-    if report == options.out:
+    if report and report.resolve() == options.out.resolve():
         raise InputError(f"{report} cannot be both the rig and its report: name another file with --report")
     for path in (options.out, report):
         if path is not None:
