@@ -13,9 +13,10 @@ import pytest
 from moving_boards import BOARD, frame, pose, render
 
 from stereo_gpu.errors import InputError
-from stereo_gpu.recording import live_page
+from stereo_gpu.recording import live_page, page_server
 from stereo_gpu.recording.board_watch import BoardChooser
-from stereo_gpu.recording.live_page import LivePage, parse_address
+from stereo_gpu.recording.live_page import LivePage
+from stereo_gpu.recording.page_server import parse_address
 
 
 @pytest.fixture(scope="module")
@@ -214,14 +215,14 @@ def test_no_address(text):
 
 
 def test_many_dead_and_slow_clients_do_no_harm(page, chooser, pictures, monkeypatch):
-    monkeypatch.setattr(live_page._Handler, "timeout", 0.5)
+    monkeypatch.setattr(page_server._Handler, "timeout", 0.5)
     silent = [socket.create_connection(("127.0.0.1", page.port), timeout=5) for _ in range(60)]
     try:
         for client in silent[::2]:
             client.sendall(b"GET /state.json HTTP/1.1\r\nHost: localhost\r\n")  # and no more
         chooser.choose(frame(1, pictures))
         handlers = [thread for thread in threading.enumerate() if "process_request_thread" in thread.name]
-        assert len(handlers) <= live_page.MOST_CONNECTIONS
+        assert len(handlers) <= page_server.MOST_CONNECTIONS
         deadline = time.monotonic() + 20
         while True:  # as soon as the silent ones are hung up on
             try:

@@ -143,7 +143,8 @@ def _chooser(options: argparse.Namespace, stack: ExitStack) -> tuple[Chooser | N
     if options.board is None:
         return None, True
     from stereo_gpu.recording.board_watch import BoardChooser
-    from stereo_gpu.recording.live_page import LivePage, parse_address
+    from stereo_gpu.recording.live_page import LivePage
+    from stereo_gpu.recording.page_server import parse_address
     from stereo_gpu.recording.terminal_map import TerminalMap
 
     board = read_board(options)

@@ -8,47 +8,33 @@ from __future__ import annotations
 
 import getpass
 import json
-import logging
 import os
 import socket
-import socketserver
 import threading
 import time
 from collections import deque
-from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from importlib.resources import files
 from typing import Any
 
 import cv2
 
 from stereo_gpu.calibration.board import Board, BoardView
 from stereo_gpu.calibration.coverage import COLUMNS, REGIONS, ROWS
-from stereo_gpu.errors import InputError
 from stereo_gpu.images import grey
 from stereo_gpu.recording.board_watch import Look
+from stereo_gpu.recording.page_server import LOCAL, LOCAL_ADDRESSES, listen
 from stereo_gpu.recording.quick_find import shrink
 from stereo_gpu.types import Bytes
 
-LOCAL = "127.0.0.1"
-USUAL_PORT = 8765
 SHOWN_SIDE, THUMBNAIL_SIDE = 800, 200  # px
 QUALITY = 80  # of JPEG
 LOOKS_KEPT = 8  # since a picture is asked for a little later than the JSON that names it
 PAIRS_KEPT = 8
 CLIENT_S = 5.0  # somebody looks if he has asked for something within so long
 LAST_WORD_S = 1.0  # at the end, somebody who looks gets so long to ask once more
-IDLE_S = 10.0  # a connection on which nothing moves for so long is closed
-MOST_CONNECTIONS = 24
-LOCAL_ADDRESSES = (LOCAL, "localhost", "::1")
-LOCAL_NAMES = {"localhost", "127.0.0.1", "[::1]"}
-PICTURES = {"/left.jpg": 0, "/right.jpg": 1}
 AREAS = {  # left, top, right and bottom of the regions, as shares of the picture
     name: [columns.start / COLUMNS, rows.start / ROWS, columns.stop / COLUMNS, rows.stop / ROWS]
     for name, rows, columns in REGIONS
 }
-
-logger = logging.getLogger(__name__)
 
 
 class LivePage:
@@ -71,8 +57,7 @@ class LivePage:
         self._newest: Look | None = None
         self._asked_s = float("-inf")
         self._told = 0  # number of the moment that was asked for last
-        self._server = _listen(host, port)
-        self._server.page = self
+        self._server = listen(host, port, self)
         self.host, self.port = host, int(self._server.server_address[1])
         threading.Thread(target=self._server.serve_forever, args=(0.1,), name="live page", daemon=True).start()
 
@@ -182,139 +167,6 @@ class _Shown:
         if side not in self._jpegs:
             self._jpegs[side] = _jpeg(self._small[side])
         return self._jpegs[side]
-
-
-class _Server(ThreadingHTTPServer):
-    """A thread a connection, up to a limit; what comes beyond it is hung up on."""
-
-    daemon_threads = True
-    allow_reuse_address = True
-    request_queue_size = 16
-    page: LivePage
-
-    def __init__(self, address: tuple[str, int]) -> None:
-        self.address_family = socket.AF_INET6 if ":" in address[0] else socket.AF_INET
-        self._free = threading.BoundedSemaphore(MOST_CONNECTIONS)
-        super().__init__(address, _Handler)
-
-    def server_bind(self) -> None:
-        """Bind without asking the network for this computer's name, which may take long."""
-        socketserver.TCPServer.server_bind(self)
-        self.server_name, self.server_port = str(self.server_address[0]), int(self.server_address[1])
-
-    def process_request(self, request: Any, client_address: Any) -> None:
-        if not self._free.acquire(blocking=False):
-            self.shutdown_request(request)
-            return
-        try:
-            super().process_request(request, client_address)
-        except BaseException:
-            self._free.release()
-            raise
-
-    def process_request_thread(self, request: Any, client_address: Any) -> None:
-        try:
-            super().process_request_thread(request, client_address)
-        finally:
-            self._free.release()
-
-    def handle_error(self, request: Any, client_address: Any) -> None:
-        # Clients hang up in the middle of a picture all the time.
-        logger.debug("page: a connection from %s failed", client_address, exc_info=True)
-
-
-class _Handler(BaseHTTPRequestHandler):
-    """Answers GET for a handful of fixed paths; nothing is read from the disk by a client's word."""
-
-    protocol_version = "HTTP/1.1"
-    timeout = IDLE_S
-    server: _Server
-
-    def do_GET(self) -> None:
-        """Send the page, its state or a picture."""
-        path, _, query = self.path.partition("?")
-        if not self._addressed_here():
-            self.send_error(HTTPStatus.FORBIDDEN, "this page is open to this computer alone")
-            return
-        page = self.server.page
-        body: bytes | None
-        kind = "image/jpeg"
-        if path == "/":
-            body, kind = _page(), "text/html; charset=utf-8"
-        elif path == "/state.json":
-            body, kind = page.state(), "application/json"
-        elif path in PICTURES:
-            body = page.picture(PICTURES[path], _whole(query.removeprefix("n=")))
-        else:
-            body = self._thumbnail(path)
-        if body is None:
-            self.send_error(HTTPStatus.NOT_FOUND)
-            return
-        self.send_response(HTTPStatus.OK)
-        self.send_header("Content-Type", kind)
-        self.send_header("Content-Length", str(len(body)))
-        self.end_headers()
-        self.wfile.write(body)
-
-    def end_headers(self) -> None:
-        """Keep other pages, frames and caches off the cameras' pictures."""
-        self.send_header("Cache-Control", "no-store")
-        self.send_header("X-Content-Type-Options", "nosniff")
-        self.send_header("Cross-Origin-Resource-Policy", "same-origin")
-        self.send_header("X-Frame-Options", "DENY")
-        super().end_headers()
-
-    def log_message(self, format: str, *args: Any) -> None:
-        """Nothing on the terminal, which has a map to draw."""
-
-    def _thumbnail(self, path: str) -> bytes | None:
-        """Of a path such as /pair/3/left.jpg."""
-        _, _, rest = path.partition("/pair/")
-        number, _, name = rest.partition("/")
-        side, wanted = PICTURES.get(f"/{name}"), _whole(number)
-        return None if side is None or wanted is None else self.server.page.thumbnail(wanted, side)
-
-    def _addressed_here(self) -> bool:
-        """Whether the browser was told to come here by name: a foreign page may point a name of its own at us."""
-        if self.server.page.host not in LOCAL_ADDRESSES:
-            return True
-        host = self.headers.get("Host", "")
-        name = host if host.endswith("]") else host.rpartition(":")[0] or host
-        return name.lower() in LOCAL_NAMES
-
-
-def parse_address(text: str) -> tuple[str, int]:
-    """Read a port such as "8765", or an address and a port such as "0.0.0.0:8765".
-
-    Raises:
-        InputError: the text is no such thing.
-    """
-    host, _, port = text.strip().rpartition(":")
-    number = _whole(port)
-    if number is None or number > 65535:
-        raise InputError(f"page {text!r:.60}: give a port such as {USUAL_PORT}, or an address and a port")
-    return host.strip("[]") or LOCAL, number
-
-
-def _listen(host: str, port: int | None) -> _Server:
-    for wanted in (USUAL_PORT, 0) if port is None else (port,):
-        try:
-            return _Server((host, wanted))
-        except OSError as error:
-            failed, reason = wanted, error.strerror or str(error)
-        except (OverflowError, UnicodeError) as error:
-            failed, reason = wanted, str(error)
-    raise InputError(f"no page at {host}:{failed}: {reason}; give another port with --page, 0 for any, or --no-page")
-
-
-def _page() -> bytes:
-    """The page itself, complete but for what it asks for here."""
-    look = files("stereo_gpu").joinpath("report.css").read_text("utf-8")
-    return files("stereo_gpu.recording").joinpath("live_page.html").read_text("utf-8").replace("$css", look).encode()
-
-
-def _whole(text: str) -> int | None:
-    return int(text) if text.isascii() and text.isdigit() and len(text) < 12 else None
 
 
 def _corners(view: BoardView | None, size: tuple[int, int]) -> list[list[float]]:
