@@ -86,14 +86,12 @@ def read(case: dict[str, bytes], folder: Path, number: int) -> str:
         message = str(error).replace(f"{folder}/", "")
         if "\n" in message or len(message) > LONGEST:
             raise AssertionError(f"a message of {len(message)} characters or several lines: {message!r:.80}") from None
-        return " ".join(
-            re.sub(r"'.*?'|[-+]?[\d.]+(e[-+]?\d+)?|\S+\.(json|yml|xml|yaml|mat|txt)\S*", "#", message).split()
-        )[:72]
+        return " ".join(VALUES.sub("#", message).split())[:72]
     back = sg.load_rig(*sg.save_rig(rig, folder / "back.json"))
-    numbers = [
-        np.concatenate([np.ravel(one.R), one.T, one.left.distortion, one.right.matrix.ravel()]) for one in (rig, back)
-    ]
-    if not (np.isfinite(numbers[0]).all() and numbers[0].tobytes() == numbers[1].tobytes()):
+    before, after = (
+        np.concatenate([one.R.ravel(), one.T, one.left.distortion, one.right.matrix.ravel()]) for one in (rig, back)
+    )
+    if not (np.isfinite(before).all() and before.tobytes() == after.tobytes()):
         raise AssertionError(f"a rig was taken that is not finite or not the same when saved: {rig.T}")
     return ""
 

@@ -181,7 +181,7 @@ def _inside(chance: random.Random, data: bytes, others: list[bytes]) -> bytes:
         body = chance.choice((_cut, _repeat, _set, _splice))(chance, body, others)
     elif way == 4:
         body = b"\0" * chance.choice((10, 70_000, 1_000_000))
-    else:
+    elif way == 5:
         del elements[number]
     if way != 5:
         if kind == 15:
