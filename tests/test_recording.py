@@ -80,13 +80,11 @@ def in_terminal(cameras, out, keys, number=None):
     return status, shown.decode(), settings
 
 
-@pytest.mark.parametrize(
-    ("keys", "number"), [([b"\n", b" ", b"q"], None), ([b" "], signal.SIGINT), ([b"xy "], signal.SIGTERM)]
-)
+@pytest.mark.parametrize(("keys", "number"), [([b"\n", b"xy ", b"q"], None), ([b" "], signal.SIGINT)])
 def test_keys_on_a_terminal(cameras, tmp_path, keys, number):
     status, shown, (before, meanwhile, after) = in_terminal(cameras, tmp_path / "out", keys, number)
     count = len(keys) - keys.count(b"q")
-    assert status == (130 if number == signal.SIGTERM else 0), shown
+    assert status == 0, shown
     assert f"{count} pair{'s' * (count > 1)} taken" in shown and "press Enter or space" in shown
     assert len(list((tmp_path / "out").glob("*.png"))) == 2 * count
     assert not meanwhile[3] & termios.ICANON and meanwhile[3] & termios.ISIG
