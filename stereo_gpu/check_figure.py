@@ -11,7 +11,7 @@ from stereo_gpu.images import grey
 from stereo_gpu.rig_check import RigCheck
 from stereo_gpu.types import Bytes, Doubles, Floats, Picture
 
-WIDE, WIDEST = 960, 1600  # px: the picture is enlarged or shrunk to between these
+WIDE, WIDEST = 960, 1600  # px: narrower pictures are enlarged, pictures with a longer side are shrunk
 LEAST_END = 0.5  # px: a good rig's noise must not look like a fault
 MARGIN = 74  # px, for the scale
 _PAPER: Colour = (250, 250, 250)
@@ -32,8 +32,8 @@ def draw_check(left: Picture, checked: RigCheck) -> Bytes:
         checked: what `check_rig` found with it.
     """
     height, width = left.shape[:2]
-    zoom = float(np.clip(1.0, WIDE / width, WIDEST / width))
-    size = (round(width * zoom), max(1, round(height * zoom)))
+    zoom = min(max(1.0, WIDE / width), WIDEST / max(width, height))
+    size = (max(1, round(width * zoom)), max(1, round(height * zoom)))
     plain = cv2.resize(grey(left), size, interpolation=cv2.INTER_AREA if zoom < 1 else cv2.INTER_CUBIC)
     canvas = as_rgb(plain).astype(np.float64) * 0.6 + 60
     end = max(LEAST_END, float(np.percentile(np.abs(checked.vertical), 95)) if len(checked.vertical) else 0.0)

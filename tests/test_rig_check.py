@@ -227,6 +227,19 @@ def test_numbers_and_picture_of_the_map(cup, cup_rig):
     assert blue[0] > 0.2 and blue[1] < 0.02
 
 
+@pytest.mark.parametrize("size", [(20000, 40), (40, 20000), (3, 3), (2, 600)])
+def test_pictures_of_odd_shapes_are_drawn_small(size):
+    camera = sg.Camera(np.array([[900.0, 0, size[0] / 2], [0, 900, size[1] / 2], [0, 0, 1]]), np.zeros(5), size)
+    picture = np.random.default_rng(6).integers(0, 256, size[::-1], np.uint8)
+    if min(size) < 3:
+        with pytest.raises(InputError, match="3 px a side"):
+            sg.check_rig(picture, picture, sg.Rig(camera, camera, np.eye(3), np.array([-50.0, 0, 0])))
+        return
+    checked = sg.check_rig(picture, picture[:, ::-1].copy(), sg.Rig(camera, camera, np.eye(3), np.array([-50.0, 0, 0])))
+    assert checked.verdict is Verdict.UNKNOWN
+    assert draw_check(picture, checked).size < 40_000_000
+
+
 def test_a_rectified_pair_has_an_ideal_rig(small_scene, raw_folder):
     pictures = [sg.read_image(raw_folder / f"{side}.png") for side in ("left", "right")]
     assert sg.check_rig(*pictures, small_scene.rig).verdict is Verdict.GOOD
