@@ -156,7 +156,7 @@ def test_calibration_with_boards_that_are_seen_in_part(drawn):
     cut = int(np.mean(BOARD.find(left[2]).corners[:, 0]))
     left[2][:, :cut] = 128
     right[5][: int(np.mean(BOARD.find(right[5]).corners[:, 1]))] = 128
-    rig = sg.calibrate(left, right, BOARD)
+    rig = sg.calibrate(left, right, BOARD, coefficients=5)
     assert all(view.used for view in rig.views)
     assert rig.rms_px < 0.1
     np.testing.assert_allclose(rig.T, SHIFT, atol=0.6)
