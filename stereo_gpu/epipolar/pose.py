@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from stereo_gpu.epipolar.points import check_points, cross_matrix, homogeneous, sampson_distances
 from stereo_gpu.epipolar.robust import WITHIN, Fit, best_of, fit_robustly
-from stereo_gpu.errors import StageError
+from stereo_gpu.errors import InputError, StageError
 from stereo_gpu.rig import Camera
 from stereo_gpu.types import Doubles
 
@@ -52,9 +52,12 @@ def estimate_pose(points_left: ArrayLike, points_right: ArrayLike, camera_left: 
         camera_left, camera_right: of known matrix and distortion.
 
     Raises:
-        InputError: the points are no such points.
+        InputError: the points are no such points, or the cameras no cameras.
         StageError: no pose fits enough of them, or the camera only turned, so that t has no direction.
     """
+    for name, camera in (("camera_left", camera_left), ("camera_right", camera_right)):
+        if not isinstance(camera, Camera):
+            raise InputError(f"{name} is a {type(camera).__name__}: give a Camera, such as rig.left")
     left, right = check_points(points_left, points_right, FEWEST)
     rays_left, rays_right = undistort(left, camera_left), undistort(right, camera_right)
     focal = typical_focal(camera_left, camera_right)
