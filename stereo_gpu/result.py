@@ -145,8 +145,8 @@ class Reconstruction:
             lines = [
                 Figure(
                     name="Epipolar lines",
-                    caption="Some of the features that the rig was made from, and in the same colour the line on which the"
-                    " partner in the other picture must lie.",
+                    caption="Some of the features that the rig was made from, and in the same colour the line on which"
+                    " the partner in the other picture must lie.",
                     picture=figures.side_by_side(*ends),
                 )
             ]

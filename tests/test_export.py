@@ -44,7 +44,9 @@ def accessor(document, binary, index):
     return np.frombuffer(binary, kind, entry["count"] * columns, view["byteOffset"]).reshape(-1, columns)
 
 
-@pytest.mark.parametrize(("unit", "metres"), [("mm", 1e-3), ("cm", 1e-2), ("m", 1.0), ("in", 0.0254), ("baselines", 1.0)])
+@pytest.mark.parametrize(
+    ("unit", "metres"), [("mm", 1e-3), ("cm", 1e-2), ("m", 1.0), ("in", 0.0254), ("baselines", 1.0)]
+)
 def test_glb_is_in_metres_with_y_up(tmp_path, mesh, unit, metres):
     mesh = Mesh(vertices=mesh.vertices, faces=mesh.faces, uv=mesh.uv, texture=mesh.texture, unit=unit)
     document, binary = glb_parts(write_glb(tmp_path / "model.glb", mesh))
