@@ -86,6 +86,8 @@ def test_refused():
         estimate_pose(left[:7], right[:7], rig.left, rig.right)
     with pytest.raises(InputError, match=r"points_left\[0\] is \[nan"):
         estimate_pose(left * np.nan, right, rig.left, rig.right)
+    with pytest.raises(InputError, match="camera_right is a NoneType: give a Camera"):
+        estimate_pose(left, right, rig.left, None)
     random = np.random.default_rng(2).uniform(0, 480, (2, 10, 2))
     with pytest.raises(StageError, match=r"pose fits \d+ of 10 matches|no pose fits 8 of 10"):
         estimate_pose(*random, rig.left, rig.right)

@@ -8,6 +8,9 @@ from numpy.typing import ArrayLike
 from stereo_gpu.errors import InputError
 from stereo_gpu.types import Doubles
 
+FARTHEST = 1e8  # larger places are none of a picture
+NEAREST = 1e-6  # px: points that are nearer to each other are one
+
 
 def check_points(points_left: ArrayLike, points_right: ArrayLike, fewest: int) -> tuple[Doubles, Doubles]:
     """Both sides as (N, 2) float64.
@@ -17,7 +20,7 @@ def check_points(points_left: ArrayLike, points_right: ArrayLike, fewest: int) -
         fewest: N must reach it, and so must the number of matches that differ from each other.
 
     Raises:
-        InputError: wrong shapes, values that are not finite, or too few matches.
+        InputError: wrong shapes, values that are not finite or far too large, one place, or too few matches.
     """
     sides = []
     for name, points in (("points_left", points_left), ("points_right", points_right)):
@@ -31,6 +34,10 @@ def check_points(points_left: ArrayLike, points_right: ArrayLike, fewest: int) -
         bad = np.flatnonzero(~np.isfinite(array).all(axis=1))
         if len(bad):
             raise InputError(f"{name}[{bad[0]}] is {array[bad[0]].tolist()}: leave such matches out on both sides")
+        if len(array) and np.abs(array).max() > FARTHEST:
+            raise InputError(f"{name} reaches {np.abs(array).max():.2g}, the limit is {FARTHEST:g}: give places in px")
+        if len(array) > 1 and np.ptp(array, axis=0).max() < NEAREST:
+            raise InputError(f"{name} holds {len(array)} points at one place: give points all over the picture")
         sides.append(array)
     left, right = sides
     if len(left) != len(right):
