@@ -29,7 +29,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="of the lens model; auto: the fewest that predict views left out as well as any number does (%(default)s)",
     )
     parser.add_argument("--pairs", type=_pairs, metavar="FIRST-LAST", help="use these pairs alone, counted from 1")
-    parser.add_argument("--out", type=Path, required=True, metavar="rig.json", help="the file to write")
+    parser.add_argument("--out", type=Path, required=True, metavar="rig.json", help="file to write; .yml, .xml and .mat are other programs'")
     parser.add_argument("--report", type=Path, metavar="rig.html", help="page to write; by default beside the rig")
     parser.add_argument("--no-report", action="store_true", help="write no page")
 
@@ -40,21 +40,22 @@ def run(options: argparse.Namespace) -> None:
     from stereo_gpu.calibration.report import write_calibration_report
     from stereo_gpu.calibration.table import calibration_table
     from stereo_gpu.files import check_writable_file
+    from stereo_gpu.rig_files.save import check_format, save_rig
 
     board = read_board(options)
     left, right = _chosen(options.pairs, *split_pictures(options.pictures))
     report = None if options.no_report else options.report or options.out.with_suffix(".html")
     if report and report.resolve() == options.out.resolve():
         raise InputError(f"{report} cannot be both the rig and its report: name another file with --report")
-    for path in (options.out, report):
-        if path is not None:
-            check_writable_file(path)
+    check_format(options.out, None)
+    if report is not None:
+        check_writable_file(report)
     with Progress() as progress:
         calibration = calibrate_in_full(
             left, right, board, coefficients=options.coefficients, progress=progress.searched
         )
     rig = calibration.rig
-    rig.save(options.out)
+    save_rig(rig, options.out)
     if report is not None:
         write_calibration_report(calibration, report)
     for view in rig.views:

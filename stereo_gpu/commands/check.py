@@ -25,11 +25,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Print what the pair says of the rig; write the map and the corrected rig where they are wanted."""
     from stereo_gpu.check_figure import draw_check
-    from stereo_gpu.files import check_writable, check_writable_file, whole_folder, write_whole
+    from stereo_gpu.files import check_writable, whole_folder, write_whole
     from stereo_gpu.images import read_image, write_png
     from stereo_gpu.refine_rig import refine_rig
     from stereo_gpu.rig_check import RigCheck, Verdict, check_rig
     from stereo_gpu.rig_files.load import load_rig_for
+    from stereo_gpu.rig_files.save import check_format, save_rig
 
     if options.save and not options.refine:
         raise InputError(f"--save {options.save}: only a corrected rig is saved, give --refine as well")
@@ -38,7 +39,7 @@ def run(options: argparse.Namespace) -> None:
     if options.out:
         check_writable(options.out)
     if options.save:
-        check_writable_file(options.save)
+        check_format(options.save, None)
     checked: RigCheck = check_rig(left, right, rig)
     print(f"{checked.verdict}: {checked.says}", flush=True)
     if checked.verdict is not Verdict.UNKNOWN:
@@ -66,7 +67,7 @@ def run(options: argparse.Namespace) -> None:
     if refused is not None:
         raise refused
     if refined is not None and options.save:
-        refined.rig.save(options.save)
+        save_rig(refined.rig, options.save)
         print(f"{options.save}: the {'corrected' if refined.changed else 'same'} rig")
     elif refined is not None and refined.changed:
         print("the corrected rig is not kept: give --save new.json")
