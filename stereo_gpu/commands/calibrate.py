@@ -29,7 +29,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="of the lens model; auto: the fewest that predict views left out as well as any number does (%(default)s)",
     )
     parser.add_argument("--pairs", type=_pairs, metavar="FIRST-LAST", help="use these pairs alone, counted from 1")
-    parser.add_argument("--out", type=Path, required=True, metavar="rig.json", help="file to write; .yml, .xml and .mat are other programs'")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        required=True,
+        metavar="rig.json",
+        help="file to write; .yml, .xml and .mat for other programs",
+    )
     parser.add_argument("--report", type=Path, metavar="rig.html", help="page to write; by default beside the rig")
     parser.add_argument("--no-report", action="store_true", help="write no page")
 
