@@ -147,7 +147,8 @@ def capture(
         except StereoError as error:
             if not tally.skews_ms:
                 raise
-            what = f"{_count(len(tally.skews_ms), 'pair')} before that are whole in {folder}"
+            taken = len(tally.skews_ms)
+            what = f"{_count(taken, 'pair')} before that {'is' if taken == 1 else 'are'} whole in {folder}"
             raise type(error)(f"{error}; {what}, and a new run goes on after them") from error
         finally:
             feed.close()
@@ -178,11 +179,8 @@ def _record(
             elif frame is not None:
                 tally.seen += 1
                 tally.look(frame, feed.reader)
-                try:
+                with _all_written(writer, tally):
                     taken = chooser.choose(frame)
-                except StereoError:
-                    tally.written(writer.finished(at_most=0))
-                    raise
                 if taken:
                     tally.written(writer.add(frame, _describe(frame, feed.reader)))
                     wanted -= 1
@@ -190,16 +188,23 @@ def _record(
                 on_status(chooser.status)
             if wanted <= 0 or chooser.done or stop.is_set() or feed.over:
                 break
-            try:
+            with _all_written(writer, tally):
                 frame = feed.wait(WAIT_S)
-            except StereoError:
-                tally.written(writer.finished(at_most=0))
-                raise
             tally.written(writer.finished())
         tally.written(writer.finished(at_most=0))
     if wanted <= 0:
         return f"all {count} pairs were taken"
     return "no more pairs were wanted" if chooser.done else feed.reader.ended or "stopped"
+
+
+@contextmanager
+def _all_written(writer: PairWriter, tally: _Tally) -> Iterator[None]:
+    """Whatever fails here, the pairs that were taken before it are written."""
+    try:
+        yield
+    except Exception:
+        tally.written(writer.finished(at_most=0))
+        raise
 
 
 class _Tally:

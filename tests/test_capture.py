@@ -2,7 +2,8 @@
 
 import json
 import struct
-import sys
+import threading
+import time
 from itertools import pairwise
 from pathlib import Path
 
@@ -17,7 +18,6 @@ from stereo_gpu.images import read_image
 
 SIZE = (64, 48)
 RATE = 60.0
-COMMAND = [sys.executable, "-c", "import sys; from stereo_gpu.cli import main; sys.exit(main(sys.argv[1:]))", "capture"]
 
 
 def video(path, numbers, size=SIZE, rate=RATE, first=0):
@@ -182,6 +182,40 @@ def test_folders_with_other_numbers_are_taken_in_order(tmp_path):
     right = folder(tmp_path / "r", [f"img{number}.jpg" for number in (71, 72, 73)], (71, 72, 73))
     capture(left, right, tmp_path / "out", count=None, interval=0)
     assert seen(tmp_path / "out", listed(tmp_path / "out")) == [(8, 71), (9, 72), (10, 73)]
+
+
+class Slow:
+    """Takes every pair, each only when the sources have come to their end; fails at the pair of number `fails_at`."""
+
+    done, status = False, ""
+
+    def __init__(self, fails_at=0):
+        self.fails_at = fails_at
+
+    def choose(self, frame):
+        until = time.monotonic() + 60
+        while any(thread.name == "stereo-gpu feed" for thread in threading.enumerate()):
+            assert time.monotonic() < until
+            time.sleep(0.01)
+        if frame.number == self.fails_at:
+            raise ZeroDivisionError
+        return True
+
+
+def test_a_picture_that_fails_while_the_last_one_is_looked_at(tmp_path):
+    for side in ("l", "r"):
+        folder(tmp_path / side, ["1.png"], [1])
+        (tmp_path / side / "2.png").write_bytes(b"no picture")
+    with pytest.raises(InputError, match=r"2\.png.*; 1 pair before that is whole in "):
+        capture(tmp_path / "l", tmp_path / "r", tmp_path / "out", chooser=Slow(), count=None)
+    assert seen(tmp_path / "out", listed(tmp_path / "out")) == [(1, 1)]
+
+
+def test_what_was_taken_before_a_chooser_failed_is_written(tmp_path):
+    left, right = (folder(tmp_path / side, ["1.png", "2.png"], [1, 2]) for side in ("l", "r"))
+    with pytest.raises(ZeroDivisionError):
+        capture(left, right, tmp_path / "out", chooser=Slow(fails_at=2), count=None)
+    assert seen(tmp_path / "out", listed(tmp_path / "out")) == [(1, 1)]
 
 
 def test_folders_with_time_stamps_in_their_names(tmp_path):

@@ -55,8 +55,8 @@ class Feed:
 
     @property
     def over(self) -> bool:
-        """Whether no further pair will come."""
-        return self._over and not self._ready
+        """Whether no further pair will come, and no error either: `wait` has yet to raise it."""
+        return self._over and not self._ready and self._error is None
 
     def close(self) -> None:
         """End it, and wait until the sources are closed."""
