@@ -54,6 +54,8 @@ class SourceThread:
 
     Raises:
         InputError: the source cannot be opened.
+        TimeoutError: it does not open in time.
+        Stopped: the recording ends.
     """
 
     def __init__(self, opener: Opener, *, stall_s: float, patience_s: float, stop: threading.Event) -> None:
@@ -62,7 +64,11 @@ class SourceThread:
         self._patience_s = patience_s
         self._stop = stop
         self._worker = _Worker()
-        self.source: Source = self._wait(self._worker.open(opener), FIRST_LIMIT_S)
+        try:
+            self.source: Source = self._wait(self._worker.open(opener), FIRST_LIMIT_S)
+        except BaseException:
+            self._worker.leave()  # it closes the source if that opens after all
+            raise
         self.name, self.live = self.source.name, self.source.live
         self._given = False  # whether it has ever given a picture
         self._grab: Future[Grab] | None = None

@@ -16,7 +16,7 @@ from statistics import median
 
 from stereo_gpu.errors import InputError
 from stereo_gpu.recording.frames import StereoFrame
-from stereo_gpu.recording.source_thread import SourceThread
+from stereo_gpu.recording.source_thread import FIRST_LIMIT_S, SourceThread
 from stereo_gpu.recording.sources import Opener
 from stereo_gpu.types import Picture
 
@@ -48,6 +48,8 @@ class StereoReader:
 
     Raises:
         InputError: a source cannot be opened.
+        CameraError: a source hangs.
+        Stopped: the recording ends.
     """
 
     def __init__(self, openers: Sequence[Opener], *, stall_s: float, patience_s: float, stop: threading.Event) -> None:
@@ -55,6 +57,14 @@ class StereoReader:
         try:
             for opener in openers:
                 self._threads.append(SourceThread(opener, stall_s=stall_s, patience_s=patience_s, stop=stop))
+            self._read_settings()
+        except TimeoutError as error:
+            self.close()
+            side = "left" if not self._threads else "right"
+            raise InputError(
+                f"the {side} source does not open within {FIRST_LIMIT_S:g} s: unplug the camera and plug it in again,"
+                " or copy the file to this computer's own disk"
+            ) from error
         except BaseException:
             self.close()
             raise
@@ -71,9 +81,6 @@ class StereoReader:
         self._piled_up, self._settling = (True, OPENING_PAIRS) if self.live else (False, 0)
         self._number = 0
         self._damaged_in_turn = 0
-        self._told_s = -SETTINGS_EVERY_S
-        self.settings: tuple[dict[str, float], ...] = ()
-        self._read_settings()
         self.refused = tuple(thread.source.refused for thread in self._threads)
 
     def step(self) -> bool:
@@ -180,7 +187,7 @@ class StereoReader:
         return True
 
     def _read_settings(self) -> None:
-        self.settings = tuple(thread.settings() for thread in self._threads)
+        self.settings: tuple[dict[str, float], ...] = tuple(thread.settings() for thread in self._threads)
         self._told_s = time.monotonic()
 
     def _halves(self, both: Picture) -> list[Picture]:
