@@ -218,6 +218,15 @@ def test_what_was_taken_before_a_chooser_failed_is_written(tmp_path):
     assert seen(tmp_path / "out", listed(tmp_path / "out")) == [(1, 1)]
 
 
+def test_a_number_means_a_camera_even_where_a_folder_is_called_so(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("97", "98"):
+        folder(tmp_path / name, ["1.png"], [1])
+    with pytest.raises(InputError, match="'97' cannot be opened"):
+        capture(97, 98, "out")
+    assert capture("./97", "./98", "out").taken == 1
+
+
 def test_folders_with_time_stamps_in_their_names(tmp_path):
     stamps = [1403636579763555584 + 50_000_000 * number for number in range(4)]
     left = folder(tmp_path / "l", [f"{stamp}.png" for stamp in stamps], range(4))
@@ -236,6 +245,10 @@ def test_sources_that_are_none_leave_nothing(films, tmp_path):
         ("/dev/video97", "/dev/video98", "'/dev/video97' cannot be opened"),
         (97, 98, "'97' cannot be opened"),
         (10**30, 98, "cannot be opened"),
+        ("9" * 5000, 98, "cannot be opened"),
+        ("\u00b2", films[1], "'\u00b2' cannot be opened"),
+        ("a" * 300, films[1], "cannot be opened"),
+        ("http://127.0.0.1:9/" + "a" * 300, "http://127.0.0.1:9/no", "cannot be opened"),
         (films[0], "", "'' cannot be opened"),
         (films[0], "a\0b", "cannot be opened"),
         (films[0], "/dev/video97", "left.mp4 is a video file, /dev/video97 is a camera or stream: their times"),

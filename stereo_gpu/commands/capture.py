@@ -145,6 +145,7 @@ def _chooser(options: argparse.Namespace, stack: ExitStack) -> tuple[Chooser | N
     from stereo_gpu.recording.board_watch import BoardChooser
     from stereo_gpu.recording.live_page import LivePage
     from stereo_gpu.recording.page_server import parse_address
+    from stereo_gpu.recording.sources import is_folder
     from stereo_gpu.recording.terminal_map import TerminalMap
 
     board = read_board(options)
@@ -157,7 +158,7 @@ def _chooser(options: argparse.Namespace, stack: ExitStack) -> tuple[Chooser | N
             print(line, file=sys.stderr, flush=True)
         shows.append(page.show)
     # In a folder every picture may show another pose, so that nothing ever holds still.
-    still = not Path(options.left).is_dir()
+    still = not is_folder(options.left)
     chooser = BoardChooser(board, still=still, shows=shows)
     _count_in(chooser, options.out)
     return chooser, False

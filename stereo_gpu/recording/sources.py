@@ -72,7 +72,7 @@ def find_openers(left: Name, right: Name | None, wanted: CameraSettings = NO_SET
     from stereo_gpu.recording.video_source import VideoSource, is_live
 
     names = [_text(name) for name in (left, right) if name is not None]
-    folders = [Path(name).is_dir() for name in names]
+    folders = [is_folder(name) for name in names]
     live = [not folder and is_live(name) for name, folder in zip(names, folders, strict=True)]
     if len(names) == 2:
         if live[0] != live[1] or folders[0] != folders[1]:
@@ -87,6 +87,14 @@ def find_openers(left: Name, right: Name | None, wanted: CameraSettings = NO_SET
         listed = number_pictures([Path(name) for name in names], wanted.fps)
         return tuple(lambda part=part: FolderSource(part) for part in listed)
     return tuple(lambda name=name: VideoSource(name, wanted) for name in names)
+
+
+def is_folder(name: str) -> bool:
+    """Whether the name means a folder; a number never does, even where a folder is called so."""
+    try:
+        return not name.isdecimal() and Path(name).is_dir()
+    except OSError:  # too long for a file's name, as a stream's may be, or in a folder that is closed to us
+        return False
 
 
 def _text(name: Name) -> str:

@@ -25,7 +25,7 @@ CUT_SHARE = 0.01  # of the pictures that a file says it has: more missing, and i
 
 def is_live(name: str) -> bool:
     """Whether the name means a camera or a stream rather than a file."""
-    if name.isdigit() or URL.match(name):
+    if name.isdecimal() or URL.match(name):
         return True
     try:
         kind = Path(name).stat().st_mode
@@ -129,8 +129,8 @@ def _open(name: str, camera: bool) -> cv2.VideoCapture:
             ]
             return cv2.VideoCapture(name, cv2.CAP_FFMPEG, limits)
         if camera:
-            return cv2.VideoCapture(int(name)) if name.isdigit() else cv2.VideoCapture(name, cv2.CAP_V4L2)
+            return cv2.VideoCapture(int(name)) if name.isdecimal() else cv2.VideoCapture(name, cv2.CAP_V4L2)
         # Not any backend: for left01.png one of them would go on with left02.png.
         return cv2.VideoCapture(name, cv2.CAP_FFMPEG)
-    except (cv2.error, OverflowError):  # a number that no camera can have
+    except (cv2.error, OverflowError, ValueError):  # a number that no camera can have
         return cv2.VideoCapture()
