@@ -20,8 +20,8 @@ from stereo_gpu.errors import InputError
 from stereo_gpu.files import check_writable
 
 LIST_NAME = "pairs.jsonl"
-PICTURE = re.compile(r"(left|right)([0-9]{4,9})\.png")
-HIDDEN = re.compile(r"\.(left|right)([0-9]{4,9})\.png\.part")
+PICTURE = re.compile(r"(?:left|right)([0-9]{4,9})\.png")
+HIDDEN = re.compile(r"\.(?:left|right)([0-9]{4,9})\.png\.part")
 SYNC_EVERY_S = 1.0  # the list reaches the disk so often; a program that is killed loses nothing, a computer might
 
 logger = logging.getLogger(__name__)
@@ -48,8 +48,10 @@ class PairFolder:
             self._lock()
             self._finish_what_was_cut_off()
             self._next = self._highest_number() + 1
-        except BaseException:
+        except BaseException as error:
             os.close(self._stream)
+            if isinstance(error, OSError):
+                raise self._cannot_write(self.path, error) from error
             raise
         self._synced_s = 0.0
 
@@ -91,16 +93,22 @@ class PairFolder:
                 self._hidden(name).rename(self.path / name)
             self._append(line.encode("utf-8", "backslashreplace") + b"\n")
         except OSError as error:
-            self.forget(number)
             for name in names:
-                (self.path / name).unlink(missing_ok=True)
+                with suppress(OSError):  # the whole disk may be gone
+                    (self.path / name).unlink(missing_ok=True)
+            self.forget(number)
             raise self._cannot_write(self._list, error) from error
 
     def forget(self, number: int) -> None:
-        """Remove the hidden files of a pair that is not to be."""
-        for name in self.names(number):
-            with suppress(OSError):
-                self._hidden(name).unlink(missing_ok=True)
+        """Leave no hidden file of a pair, as of one that is not to be."""
+        left, right = (self.path / name for name in self.names(number))
+        hidden_left, hidden_right = self._hidden(left.name), self._hidden(right.name)
+        with suppress(OSError):
+            # Ended between the two names: both files are whole, and the right one still lacks its name.
+            if hidden_right.exists() and left.exists() and not right.exists():
+                hidden_right.rename(right)
+            hidden_left.unlink(missing_ok=True)
+            hidden_right.unlink(missing_ok=True)
 
     def close(self) -> None:
         """Let the folder go; remove what was made in vain."""
@@ -109,7 +117,8 @@ class PairFolder:
         empty = os.fstat(self._stream).st_size == 0
         os.close(self._stream)
         if empty:
-            self._list.unlink(missing_ok=True)
+            with suppress(OSError):
+                self._list.unlink(missing_ok=True)
             for part in self._made:
                 with suppress(OSError):  # it may hold something else by now
                     part.rmdir()
@@ -147,16 +156,9 @@ class PairFolder:
 
     def _finish_what_was_cut_off(self) -> None:
         """Clear away what a run that was killed left half done."""
-        hidden = {file.name for file in self.path.iterdir() if HIDDEN.fullmatch(file.name)}
-        for name in sorted(hidden):
-            picture = HIDDEN.fullmatch(name)
-            assert picture is not None
-            left, right = self.names(int(picture[2]))
-            # Killed between the two names: both files are whole, and the right one still lacks its name.
-            if picture[1] == "right" and (self.path / left).exists() and not (self.path / right).exists():
-                (self.path / name).rename(self.path / right)
-            else:
-                (self.path / name).unlink(missing_ok=True)
+        for file in list(self.path.iterdir()):
+            if found := HIDDEN.fullmatch(file.name):
+                self.forget(int(found[1]))
         data = self._list.read_bytes()
         end = data.rfind(b"\n") + 1
         if end < len(data):  # the computer itself went down
@@ -164,7 +166,7 @@ class PairFolder:
             logger.warning("%s: its last line was cut off and is removed", self._list)
 
     def _highest_number(self) -> int:
-        numbers = [int(found[2]) for file in self.path.iterdir() if (found := PICTURE.fullmatch(file.name))]
+        numbers = [int(found[1]) for file in self.path.iterdir() if (found := PICTURE.fullmatch(file.name))]
         for count, line in enumerate(self._list.read_bytes().splitlines(), 1):
             try:
                 number = json.loads(line)["number"]
