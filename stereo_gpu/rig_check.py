@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from stereo_gpu.epipolar.consensus import ENOUGH, agree_without_rig, agreeing, enough
 from stereo_gpu.epipolar.drift import drifted, fit_drift
 from stereo_gpu.epipolar.error_map import ErrorMap, map_errors
-from stereo_gpu.epipolar.faults import Fault, explain, share_behind
+from stereo_gpu.epipolar.faults import BEHIND, Fault, explain, share_behind
 from stereo_gpu.epipolar.features import WORKING_SIDE, match_features
 from stereo_gpu.epipolar.rows import Rows, find_rows, focal_length, rays
 from stereo_gpu.epipolar.sharpen import sharpen_matches
@@ -104,16 +104,18 @@ def check_rig(left: Picture, right: Picture, rig: Rig) -> RigCheck:
 
     Returns:
         The errors over the frame, what explains them, and the verdict: good up to a median error of 0.5 px, bad
-        above 2 px or if the pictures are swapped, unknown with too few features.
+        above 2 px or if nearly all points lie behind the cameras, unknown with too few features.
 
     Raises:
-        InputError: the pictures do not fit each other or the rig.
+        InputError: the pictures do not fit each other or the rig, or are one and the same.
     """
     check_pair(left, right)
     check_sizes(left, rig)
     plan_rectification(rig)  # refuses cameras that stand above each other
     points_left, points_right = sharpen_matches(left, right, *match_features(left, right))
     matches, size = len(points_left), (left.shape[1], left.shape[0])
+    if matches and np.array_equal(left, right):
+        raise InputError("both pictures are one and the same: give one of each camera")
     focal = focal_length(rig)
     scale = max(1.0, max(size) / WORKING_SIDE)
     sides = rays(points_left, rig.left), rays(points_right, rig.right)
@@ -136,7 +138,8 @@ def check_rig(left: Picture, right: Picture, rig: Rig) -> RigCheck:
     error = float(np.median(errors))
     cells = map_errors(points_left, rows.vertical, size)
     verdict = Verdict.GOOD if error <= WARN_PX else Verdict.DOUBTFUL if error <= REFUSE_PX else Verdict.BAD
-    if found.fault in (Fault.SWAPPED, Fault.OTHER_RIG):
+    behind = share_behind(rows)
+    if found.fault is Fault.SWAPPED or behind > BEHIND:
         verdict = Verdict.BAD
     where = "" if cells.share >= SMALL_SHARE else f", which fill only {cells.share:.0%} of the frame"
     says = f"rows differ by {error:.2f} px (median of {len(errors)} features{where})"
@@ -149,7 +152,7 @@ def check_rig(left: Picture, right: Picture, rig: Rig) -> RigCheck:
         vertical_px=error,
         vertical_95_px=float(np.percentile(errors, 95)),
         bias_px=float(np.median(rows.vertical)),
-        behind=share_behind(rows),
+        behind=behind,
         verdict=verdict,
         says=says,
         fault=found.fault,

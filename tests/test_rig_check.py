@@ -155,6 +155,40 @@ def test_a_moved_camera_is_named(board_pair, board_rig):
     assert "a camera moved since the calibration" in checked.says and "--refine" in checked.says
 
 
+@pytest.fixture(scope="module")
+def cup_boards(data):
+    """Reads a pair of the cup rig's board pictures: few features, all near the middle."""
+    folder = data / "rigs" / "cup" / "calibration_images"
+    return lambda number: tuple(sg.read_image(folder / f"{side}Pic{number}.jpg") for side in ("left", "right"))
+
+
+def test_rows_that_fit_are_not_refused_for_a_turn_that_they_hardly_tell(cup_boards, cup_rig):
+    checked = sg.check_rig(*cup_boards("30"), cup_rig)
+    assert checked.vertical_px < WARN_PX
+    assert (checked.verdict, checked.fault) == (Verdict.GOOD, Fault.NONE)
+
+
+def test_rows_below_the_limit_are_not_refused_whatever_the_cause(cup, cup_rig):
+    drift = Drift(turn=np.array([0.1, 5.0, -1.0]), move=np.zeros(2), deviations=np.zeros(5))
+    checked = sg.check_rig(*cup, drifted(cup_rig, drift))
+    assert WARN_PX < checked.vertical_px < REFUSE_PX
+    assert (checked.verdict, checked.fault) == (Verdict.DOUBTFUL, Fault.OTHER_RIG)
+
+
+def test_swapped_is_said_where_the_rig_is_doubtful_too(cup_boards, cup_rig):
+    assert sg.check_rig(*cup_boards("05")[::-1], cup_rig).fault is Fault.SWAPPED
+
+
+def test_mirrored_pictures_are_said(cup, cup_rig):
+    checked = sg.check_rig(*(np.ascontiguousarray(picture[:, ::-1]) for picture in cup), cup_rig)
+    assert checked.verdict is Verdict.BAD and "mirrored" in checked.says
+
+
+def test_one_picture_given_twice_is_refused(cup, cup_rig):
+    with pytest.raises(InputError, match="one and the same: give one of each camera"):
+        sg.check_rig(cup[0], cup[0].copy(), cup_rig)
+
+
 def test_what_moves_by_itself_does_not_decide(cup, cup_rig):
     """The cup itself, which has most of the features, shows a drift; a part of it torn down by 12 px does not."""
     left, right = cup

@@ -90,7 +90,7 @@ def explain(points_left: Doubles, points_right: Doubles, rig: Rig, drift: Drift)
     simple = [fitted for fitted in _simple(points_left, points_right, rig, focal) if _median(fitted.rest) <= enough]
     if simple:
         return min(simple, key=lambda fitted: float(np.fmin(np.abs(fitted.rest), 1.0).sum()))
-    return _moved(drift, rest)
+    return _moved(drift, rest, error)
 
 
 def share_behind(rows: Rows) -> float:
@@ -150,9 +150,12 @@ def _simple(points_left: Doubles, points_right: Doubles, rig: Rig, focal: float)
     return found
 
 
-def _moved(drift: Drift, rest: Doubles) -> Explanation:
+def _moved(drift: Drift, rest: Doubles, error: float) -> Explanation:
     """A drift, or one so large that the rig must be another's."""
     if drift.turn_deg > FAR_DEG or _median(rest) > UNEXPLAINED_PX:
+        if error <= UNEXPLAINED_PX:
+            # Rows that fit so well are no other cameras': yaw, which moves rows little, made up for a lens's rest.
+            return Explanation(fault=Fault.NONE, rest=rest)
         return Explanation(
             fault=Fault.OTHER_RIG,
             amount=drift.turn_deg,
@@ -172,18 +175,20 @@ def _moved(drift: Drift, rest: Doubles) -> Explanation:
 def _behind(points_left: Doubles, points_right: Doubles, rig: Rig, rows: Rows, rest: Doubles) -> Explanation:
     """Tell swapped pictures from another's rig, when nearly all points would lie behind the cameras."""
     exchanged = find_rows(rays(points_right, rig.left), rays(points_left, rig.right), rig.R, rig.T, focal_length(rig))
-    if _median(exchanged.vertical) <= max(_median(rows.vertical), UNEXPLAINED_PX):
+    differ = _median(exchanged.vertical)
+    if differ <= max(EXPLAINED * _median(rows.vertical), UNEXPLAINED_PX):
         return Explanation(
             fault=Fault.SWAPPED,
             says=f"the pictures look swapped: {share_behind(rows):.0%} of {len(points_left)} matched"
-            f" points would lie behind the cameras; exchanged, rows differ by {_median(exchanged.vertical):.2f} px",
+            f" points would lie behind the cameras; exchanged, rows differ by {differ:.2f} px",
             mend="give the left camera's picture first",
             rest=exchanged.vertical,
         )
     return Explanation(
         fault=Fault.OTHER_RIG,
-        says="the rig belongs to other cameras: nearly all points would lie behind these, swapped or not",
-        mend="give these cameras' own rig, or calibrate again",
+        says="the rig belongs to other cameras, or both pictures are mirrored: nearly all points would lie behind the"
+        f" cameras, and exchanged, rows differ by {differ:.2f} px",
+        mend="give these cameras' own rig, and pictures as the cameras take them",
         rest=rest,
     )
 
