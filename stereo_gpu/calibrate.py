@@ -52,6 +52,7 @@ def calibrate_in_full(
     *,
     coefficients: Coefficients = "auto",
     progress: Progress | None = None,
+    first_number: int = 1,
 ) -> Calibration:
     """Calibrate two cameras from pictures of a board, and tell all that was found on the way.
 
@@ -64,6 +65,7 @@ def calibrate_in_full(
         coefficients: 5, 8 or 12 numbers for the lens distortion; "auto" for the fewest that predict views left out
             as well as any number does.
         progress: told how many of the pictures have been searched, and how many there are.
+        first_number: of the first pair, as messages count them, where these are some of more pairs.
 
     Raises:
         InputError: the lists or `coefficients` are wrong.
@@ -73,7 +75,7 @@ def calibrate_in_full(
     """
     if coefficients != "auto" and (isinstance(coefficients, bool) or coefficients not in DISTORTION_COUNTS):
         raise InputError(f"coefficients is {coefficients!r:.60}: give 5, 8, 12 or auto")
-    found, sizes = find_pairs(left, right, board, progress)
+    found, sizes = find_pairs(left, right, board, progress, first_number)
     models: LensModels | None = None
     if coefficients == "auto":
         coefficients = DISTORTION_COUNTS[0]

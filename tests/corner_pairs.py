@@ -59,7 +59,7 @@ def as_pairs(corners):
     pairs = []
     for number in range(int(corners[0].view[-1]) + 1):
         views = [BoardView.whole(ours.seen[ours.view == number].astype(np.float32)) for ours in corners]
-        pairs.append(BoardPair((f"left{number + 1:02d}.png", f"right{number + 1:02d}.png"), views))
+        pairs.append(BoardPair((f"left{number + 1:02d}.png", f"right{number + 1:02d}.png"), number + 1, views))
     return pairs
 
 

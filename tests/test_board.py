@@ -57,6 +57,8 @@ def test_parse_refuses(text):
         (10, 7, float("nan"), "square is nan"),
         (10, 7, "wide", "square is 'wide'"),
         (10, 7, None, "square is None"),
+        (10, 7, 1e300, "square is 1e"),
+        (10, 7, 1e-300, "square is 1e-300"),
     ],
 )
 def test_no_such_board(columns, rows, square, told):

@@ -27,6 +27,23 @@ def pairs(rotation, shift, count=9, turned=0.0):
     return left, right
 
 
+@pytest.fixture(scope="module", autouse=True)
+def searched_once():
+    """Spare the tests that share pictures the search of all but the first."""
+    found = {}
+    search = Board.find
+
+    def remembered(board, picture):
+        key = board, picture.shape, picture.tobytes()
+        if key not in found:
+            found[key] = search(board, picture)
+        return found[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Board, "find", remembered)
+        yield
+
+
 @pytest.fixture(scope="module")
 def taken():
     return pairs(ROTATION, SHIFT)
@@ -95,6 +112,15 @@ def test_swapped_pictures_are_named(taken):
 def test_the_same_pictures_twice_are_named(taken):
     with pytest.raises(CalibrationError, match="the cameras stand at one point"):
         calibrate(taken[0], taken[0], BOARD)
+
+
+def test_pictures_given_again_count_once(taken):
+    again = [[*side[:5], side[0]] for side in taken]
+    rig = calibrate(*again, BOARD, coefficients=5)
+    assert [view.used for view in rig.views] == [True] * 5 + [False]
+    assert rig.views[5].reason == "the same pictures as an earlier pair: left 1, right 1"
+    with pytest.raises(CalibrationError, match="1 of 3 pairs fit together, 3 are needed .2 x the same pictures as"):
+        calibrate(*([side[0]] * 3 for side in taken), BOARD)
 
 
 def test_lists_in_another_order_are_named(taken):

@@ -61,6 +61,7 @@ def test_no_report(capsys, folder, tmp_path):
         (("--pairs", "all"), "'all': give the first and the last pair"),
         (("--pairs", "1-2"), "2 pairs: a calibration needs 3 or more"),
         (("--coefficients", "6"), "'6': give 5, 8, 12 or auto"),
+        (("--out", "."), ". ends in none of .json"),
         (("--report", "rig.json"), "cannot be both the rig and its report"),
         (("--report", "nowhere/rig.html"), "there is no folder nowhere"),
     ],

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import stereo_gpu as sg
+from stereo_gpu.calibration.board_pairs import find_pairs
 from stereo_gpu.calibration.board_print import rasterise
 from stereo_gpu.calibration.charuco import CharucoBoard
 from stereo_gpu.calibration.markers import marker_squares
@@ -161,6 +162,16 @@ def test_calibration_with_boards_that_are_seen_in_part(drawn):
     assert rig.rms_px < 0.1
     np.testing.assert_allclose(rig.T, SHIFT, atol=0.6)
     assert np.rad2deg(np.linalg.norm(cv2.Rodrigues(rig.R @ ROTATION.T)[0])) < 0.15
+
+
+def test_boards_of_which_too_little_is_seen(picture, truth):
+    part = picture.copy()
+    part[:, : int(truth[5, 0])] = 128
+    assert BOARD.find(part) is None
+    pair = find_pairs([picture] * 3 + [part], [picture] * 4, BOARD, None)[0][3]
+    assert pair.reason == "too little of the board in the left picture"
+    with pytest.raises(CalibrationError, match=r"0 of 3 pairs show enough of a board .*let both cameras see the same"):
+        find_pairs([part] * 3, [picture] * 3, BOARD, None)
 
 
 @pytest.mark.parametrize(

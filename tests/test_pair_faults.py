@@ -81,6 +81,14 @@ def test_cameras_that_moved(first, degrees):
     assert f"--pairs 1-{first} or --pairs {first + 1}-12" in str(caught.value)
 
 
+def test_cameras_that_moved_within_some_of_the_pairs():
+    before = corner_pairs.pairs(12, seed=4)[3:]
+    after = corner_pairs.pairs(12, seed=4, rotation=corner_pairs.turned(1.0))[3:]
+    with pytest.raises(CalibrationError, match="pairs 4 to 8 agree on one rig, 9 to 12 on another") as caught:
+        fit(before[:5] + after[5:])
+    assert "--pairs 4-8 or --pairs 9-12" in str(caught.value)
+
+
 def test_cameras_that_moved_a_little_raise_a_doubt():
     before = corner_pairs.pairs(12, seed=4)
     after = corner_pairs.pairs(12, seed=4, rotation=corner_pairs.turned(0.06))

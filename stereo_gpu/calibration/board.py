@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from stereo_gpu.images import grey
 from stereo_gpu.types import Floats, Ints, Picture
 
 MOST_SQUARES = 200
+SIDES_OF_SQUARES = 1e-6, 1e6  # in any unit: float32 holds their places, and OpenCV can solve for their poses
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +69,9 @@ class Board:
     square: float
     unit: str = "mm"
 
+    # Whether a picture counts only if it shows all of the board.
+    whole: ClassVar[bool] = True
+
     def __post_init__(self) -> None:
         for name in ("columns", "rows"):
             count = getattr(self, name)
@@ -81,7 +86,7 @@ class Board:
             square = float(self.square)
         except (TypeError, ValueError):
             square = math.nan
-        if not (math.isfinite(square) and square > 0):
+        if not SIDES_OF_SQUARES[0] <= square <= SIDES_OF_SQUARES[1]:
             raise InputError(f"board square is {self.square!r:.60}: give the side of one square, such as 30.0 mm")
         object.__setattr__(self, "square", square)
 

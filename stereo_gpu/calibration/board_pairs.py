@@ -34,11 +34,13 @@ class BoardPair:
 
     Args:
         names: of the left and the right picture.
+        number: of the pair among all that the user has, from 1.
         views: what the left and the right picture show of the board; None where it was not found.
         reason: why the pair is left out; empty while it is in.
     """
 
     names: tuple[str, str]
+    number: int
     views: list[BoardView | None] = field(default_factory=list)
     reason: str = ""
 
@@ -49,9 +51,15 @@ class BoardPair:
 
 
 def find_pairs(
-    left: Sequence[Source], right: Sequence[Source], board: Board, progress: Progress | None
+    left: Sequence[Source], right: Sequence[Source], board: Board, progress: Progress | None, first_number: int = 1
 ) -> tuple[list[BoardPair], list[tuple[int, int]]]:
     """Find the board in every picture, with one picture in memory at a time.
+
+    Args:
+        left, right: files or pictures, the pairs in one order.
+        board: what they show.
+        progress: told how many of the pictures have been searched, and how many there are.
+        first_number: of the first pair, as messages count them.
 
     Returns:
         Every pair, in the order given, and the size (width, height) of the left and the right pictures.
@@ -61,7 +69,7 @@ def find_pairs(
         PictureError: a picture cannot be read, or differs in size from the others of its camera.
         CalibrationError: too few pairs show the board; the message says which board they show instead.
     """
-    sources = _named("left", left), _named("right", right)
+    sources = _named("left", left, first_number), _named("right", right, first_number)
     count = len(sources[0])
     if count != len(sources[1]):
         raise InputError(
@@ -75,7 +83,7 @@ def find_pairs(
     hints: list[Hint | None] = []
     pairs: dict[int, BoardPair] = {}
     for number in [*first, *(other for other in range(count) if other not in first)]:
-        pair = pairs[number] = BoardPair((sources[0][number][0], sources[1][number][0]))
+        pair = pairs[number] = BoardPair((sources[0][number][0], sources[1][number][0]), first_number + number)
         for side in (0, 1):
             name, source = sources[side][number]
             picture = _read(name, source)
@@ -91,22 +99,23 @@ def find_pairs(
                 hints.append(board.hint(picture, view))
             if progress is not None:
                 progress(2 * len(pairs) - 1 + side, 2 * count)
-        _leave_out_blank(pair)
+        _leave_out_blank(pair, board)
         if number in first and len(pairs) >= AGREEING_PAIRS:
             # All of a few pictures are enough; else half of those that are looked at first.
             _refuse_other_board(hints, board, 0.5 if len(pairs) == len(first) else 1.0)
     found = [pairs[number] for number in range(count)]
     _refuse_too_few(found, board)
+    _leave_out_repeated(found)
     _tell_layout(found)
     return found, sizes
 
 
-def _named(side: str, sources: Sequence[Source]) -> list[tuple[str, Source]]:
+def _named(side: str, sources: Sequence[Source], first_number: int) -> list[tuple[str, Source]]:
     if isinstance(sources, str | os.PathLike | np.ndarray):
         raise InputError(f"{side} is a single picture: give a list of at least {FEWEST_PAIRS}")
     return [
         (Path(source).name if isinstance(source, str | os.PathLike) else f"{side} {number}", source)
-        for number, source in enumerate(sources, 1)
+        for number, source in enumerate(sources, first_number)
     ]
 
 
@@ -121,15 +130,28 @@ def _size(picture: Picture) -> tuple[int, int]:
     return picture.shape[1], picture.shape[0]
 
 
-def _leave_out_blank(pair: BoardPair) -> None:
+def _leave_out_blank(pair: BoardPair, board: Board) -> None:
     left, right = pair.views
     if left is None or right is None:
         blank = [side for side, view in (("left", left), ("right", right)) if view is None]
-        pair.drop(f"no whole board in the {' and the '.join(blank)} picture")
+        lack = "no whole board" if board.whole else "too little of the board"
+        pair.drop(f"{lack} in the {' and the '.join(blank)} picture")
         return
     common = len(in_both(left, right)[0].ids)
     if common < FEWEST_IN_BOTH:
         pair.drop(f"left and right see {common} corners of the board in common, {FEWEST_IN_BOTH} are needed")
+
+
+def _leave_out_repeated(pairs: list[BoardPair]) -> None:
+    """Leave out what was copied, or comes from a film that stood still: it would count as new evidence."""
+    earlier: dict[bytes, BoardPair] = {}
+    for pair in pairs:
+        if pair.reason:
+            continue
+        corners = b"".join(view.corners.tobytes() for view in pair.views if view is not None)
+        first = earlier.setdefault(corners, pair)
+        if first is not pair:
+            pair.drop(f"the same pictures as an earlier pair: {first.names[0]}, {first.names[1]}")
 
 
 def _refuse_other_board(hints: list[Hint | None], board: Board, share: float) -> None:
@@ -144,10 +166,14 @@ def _refuse_too_few(pairs: list[BoardPair], board: Board) -> None:
     if usable >= FEWEST_PAIRS:
         return
     boards = sum(view is not None for pair in pairs for view in pair.views)
+    if board.whole:
+        wanted, way_out = "a whole board", "give the squares as printed, and take pictures that show all of them"
+    else:
+        wanted = "enough of a board"
+        way_out = "give squares and markers as printed, and let both cameras see the same part of the board, larger or sharper"
     raise CalibrationError(
-        f"{usable} of {len(pairs)} pairs show a whole board of {board.described} in both pictures ({boards} of"
-        f" {2 * len(pairs)} pictures do), {FEWEST_PAIRS} are needed: give the squares as printed, and take"
-        " pictures that show all of them"
+        f"{usable} of {len(pairs)} pairs show {wanted} of {board.described} in both pictures ({boards} of"
+        f" {2 * len(pairs)} pictures do), {FEWEST_PAIRS} are needed: {way_out}"
     )
 
 

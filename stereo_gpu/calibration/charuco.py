@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import ClassVar
 
 import cv2
 import numpy as np
@@ -55,6 +56,8 @@ class CharucoBoard(Board):
 
     marker: float = 0.0
     dictionary: str = "5x5_250"
+
+    whole: ClassVar[bool] = False
 
     # Written out, since a dataclass would put `marker` behind `unit`.
     def __init__(

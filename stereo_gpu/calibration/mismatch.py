@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from stereo_gpu.calibration.board import Board
-from stereo_gpu.calibration.board_pairs import FEWEST_PAIRS, BoardPair
+from stereo_gpu.calibration.board_pairs import FEWEST_IN_BOTH, FEWEST_PAIRS, BoardPair
 from stereo_gpu.calibration.lenses import Lens
 from stereo_gpu.calibration.movement import find_split
 from stereo_gpu.calibration.pairing import LensView, Proposals, propose
@@ -62,12 +62,13 @@ def explain_mismatch(
 
 def moved(pairs: Sequence[BoardPair], first: int, detail: str = "") -> str:
     """That the cameras moved before the pair of number `first` among those used, with both groups."""
-    numbers = [number for number, pair in enumerate(pairs) if not pair.reason]
-    before, after = numbers[first - 1], numbers[first]
+    used = [pair for pair in pairs if not pair.reason]
+    before, after = used[first - 1], used[first]
+    one, other = (pairs[0].number, before.number), (after.number, pairs[-1].number)
     return (
-        f"the cameras moved{detail} between {pairs[before].names[0]} and {pairs[after].names[0]}: pairs 1 to"
-        f" {before + 1} agree on one rig, {after + 1} to {len(pairs)} on another; calibrate with those that were taken"
-        f" as the cameras stand now (--pairs 1-{before + 1} or --pairs {after + 1}-{len(pairs)})"
+        f"the cameras moved{detail} between {before.names[0]} and {after.names[0]}: pairs {one[0]} to {one[1]} agree on"
+        f" one rig, {other[0]} to {other[1]} on another; calibrate with those that were taken as the cameras stand now"
+        f" (--pairs {one[0]}-{one[1]} or --pairs {other[0]}-{other[1]})"
     )
 
 
@@ -93,7 +94,7 @@ def _fit(proposals: Proposals) -> float:
 
 
 def _overlap(left: LensView, right: LensView) -> bool:
-    return bool(len(np.intersect1d(left.seen.ids, right.seen.ids)) > FEWEST_PAIRS)
+    return bool(len(np.intersect1d(left.seen.ids, right.seen.ids)) >= FEWEST_IN_BOTH)
 
 
 def _mirrored(view: LensView, board: Board, width: int) -> LensView:

@@ -50,15 +50,20 @@ def run(options: argparse.Namespace) -> None:
 
     board = read_board(options)
     left, right = _chosen(options.pairs, *split_pictures(options.pictures))
+    check_format(options.out, None)
     report = None if options.no_report else options.report or options.out.with_suffix(".html")
     if report and report.resolve() == options.out.resolve():
         raise InputError(f"{report} cannot be both the rig and its report: name another file with --report")
-    check_format(options.out, None)
     if report is not None:
         check_writable_file(report)
     with Progress() as progress:
         calibration = calibrate_in_full(
-            left, right, board, coefficients=options.coefficients, progress=progress.searched
+            left,
+            right,
+            board,
+            coefficients=options.coefficients,
+            progress=progress.searched,
+            first_number=options.pairs[0] if options.pairs else 1,
         )
     rig = calibration.rig
     save_rig(rig, options.out)
