@@ -13,6 +13,7 @@ import pytest
 from camera_server import number_of, numbered
 
 from stereo_gpu.capture import capture
+from stereo_gpu.cli import main
 from stereo_gpu.errors import InputError
 from stereo_gpu.images import read_image
 
@@ -234,6 +235,17 @@ def test_folders_with_time_stamps_in_their_names(tmp_path):
     recording = capture(left, right, tmp_path / "out", count=None, interval=0.1)
     assert seen(tmp_path / "out", listed(tmp_path / "out")) == [(0, 0), (2, 2)]
     assert recording.skews_ms == pytest.approx([3, 3], abs=0.01)
+
+
+def test_folders_of_different_days(tmp_path, capsys):
+    left = folder(tmp_path / "l", [f"{1403636579763555584 + 50_000_000 * number}.png" for number in range(4)], range(4))
+    right = folder(
+        tmp_path / "r", [f"{1503636579763555584 + 50_000_000 * number}.png" for number in range(3)], range(3)
+    )
+    assert main(["capture", str(left), str(right), "--out", str(tmp_path / "out")]) == 2
+    shown = capsys.readouterr()
+    assert f"no pair was taken: by their times, no pictures of {left} and {right} belong together" in shown.err
+    assert shown.err.count("\n") == 1 and shown.out == "" and not (tmp_path / "out").exists()
 
 
 def test_sources_that_are_none_leave_nothing(films, tmp_path):

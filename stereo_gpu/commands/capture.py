@@ -110,6 +110,11 @@ def run(options: argparse.Namespace) -> None:
             f"no pair was taken: the skews of all {recording.dropped} were above the limit; set both cameras to one"
             " --fps, or raise --max-skew if nothing moves before them"
         )
+    if any(recording.unmatched) and not recording.seen and not signals:
+        raise InputError(
+            f"no pair was taken: by their times, no pictures of {options.left} and {options.right} belong together;"
+            " give two recordings of the same moments"
+        )
     _sum_up(recording, options)
     if isinstance(chooser, BoardChooser):
         _say_what_is_missing(chooser)
