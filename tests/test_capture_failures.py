@@ -15,6 +15,7 @@ import pytest
 from camera_server import Cameras, number_of, numbered
 
 from stereo_gpu.capture import capture
+from stereo_gpu.commands.recording_terminal import stopping_on_signals
 from stereo_gpu.errors import CameraError, InputError
 from stereo_gpu.images import read_image
 
@@ -104,6 +105,20 @@ def test_interrupted_in_the_middle(film, tmp_path, number):
     assert told.count("\npair ") + 1 == len(records)
     assert errors == "stereo-gpu: error: interrupted; nothing was left half written\n"
     assert not list(out.glob(".*"))
+
+
+def test_a_recording_under_nohup_outlives_its_terminal():
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        stop = threading.Event()
+        with stopping_on_signals(stop) as came:
+            signal.raise_signal(signal.SIGHUP)
+            assert not came and not stop.is_set()
+            signal.raise_signal(signal.SIGTERM)
+            assert came == [signal.SIGTERM] and stop.is_set()
+        assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
 
 
 @pytest.mark.parametrize(("limit", "fewest"), [(3000, 3), (200, 0)])

@@ -63,7 +63,10 @@ def stopping_on_signals(stop: threading.Event) -> Iterator[list[int]]:
             raise KeyboardInterrupt
         stop.set()
 
-    wanted = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    wanted = [signal.SIGINT, signal.SIGTERM]
+    # Ignored under nohup, which is there so that a recording outlives its terminal; Windows has no such signal.
+    if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:
+        wanted.append(signal.SIGHUP)
     before = {number: signal.signal(number, handle) for number in wanted}
     try:
         yield came
