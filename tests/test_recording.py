@@ -7,6 +7,7 @@ import subprocess
 import sys
 import termios
 import time
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -18,6 +19,7 @@ from stereo_gpu.commands.pictures import split_pictures
 from stereo_gpu.errors import InputError
 from stereo_gpu.images import read_image
 from stereo_gpu.recording.frames import StereoFrame
+from stereo_gpu.recording.keys import Keys
 from stereo_gpu.recording.same_settings import compare_looks, compare_settings, look_at
 from stereo_gpu.recording.settings import CameraSettings
 
@@ -96,6 +98,20 @@ def test_lines_instead_of_keys(film, tmp_path):
     done = subprocess.run(command, input="\n\nlast one\n", capture_output=True, text=True, timeout=LIMIT_S)
     assert done.returncode == 0 and done.stderr == ""
     assert "3 pairs taken" in done.stdout and "ended: no more pairs were wanted" in done.stdout
+
+
+def test_an_input_that_fails_ends_the_presses(monkeypatch):
+    def fail(*_):
+        raise OSError("gone")
+
+    monkeypatch.setattr("select.select", fail)
+    until = time.monotonic() + LIMIT_S
+    with Path(os.devnull).open() as nothing:
+        monkeypatch.setattr(sys, "stdin", nothing)
+        with Keys() as keys:
+            while not keys.ended:
+                assert time.monotonic() < until
+                time.sleep(0.01)
 
 
 TOLD = {"fps": 30.0, "exposure": 100.0, "gain": 10.0, "focus": 0.0, "white_balance": 4600.0, "auto_exposure": 1.0}

@@ -76,12 +76,12 @@ class Keys:
 
     def _read(self) -> None:
         while not self._leaving.is_set():
-            ready, _, _ = select.select([self._input], [], [], LOOK_S)
-            if not ready:
-                continue
             try:
+                ready, _, _ = select.select([self._input], [], [], LOOK_S)
+                if not ready:
+                    continue
                 data = os.read(self._input, 4096)
-            except OSError:  # the terminal is gone
+            except (OSError, ValueError):  # the terminal is gone, or the input was closed
                 data = b""
             with self._lock:
                 if not data:
