@@ -119,7 +119,7 @@ def test_pictures_given_again_count_once(taken):
     rig = calibrate(*again, BOARD, coefficients=5)
     assert [view.used for view in rig.views] == [True] * 5 + [False]
     assert rig.views[5].reason == "the same pictures as an earlier pair: left 1, right 1"
-    with pytest.raises(CalibrationError, match="1 of 3 pairs fit together, 3 are needed .2 x the same pictures as"):
+    with pytest.raises(CalibrationError, match=r"1 of 3 pairs fit together, 3 are needed \(2 x the same pictures as"):
         calibrate(*([side[0]] * 3 for side in taken), BOARD)
 
 

@@ -170,7 +170,7 @@ def _refuse_too_few(pairs: list[BoardPair], board: Board) -> None:
         wanted, way_out = "a whole board", "give the squares as printed, and take pictures that show all of them"
     else:
         wanted = "enough of a board"
-        way_out = "give squares and markers as printed, and let both cameras see the same part of the board, larger or sharper"
+        way_out = "give squares and markers as printed, and let both cameras see the same part of the board, sharp"
     raise CalibrationError(
         f"{usable} of {len(pairs)} pairs show {wanted} of {board.described} in both pictures ({boards} of"
         f" {2 * len(pairs)} pictures do), {FEWEST_PAIRS} are needed: {way_out}"
