@@ -136,6 +136,8 @@ def reconstruct(
         raw_left, raw_right = _read(left), _read(right)
         inputs = {"left": _describe(left), "right": _describe(right)}
         check_pair(raw_left, raw_right)
+        if distance is not None:
+            distance.refuse_outside((raw_left.shape[1], raw_left.shape[0]))
         job = check_against(job, raw_left)
     found = None
     with watch.step("rig"):
@@ -280,6 +282,7 @@ def _from_rectified(
             **{f"mesh.{name}": value for name, value in dataclasses.asdict(job.mesh).items()},
             "mesh.unwrap_used": unwrapped.method,
         },
+        rig=setup.rig,
         checked=setup.checked,
         found=setup.found,
         seconds=dict(watch.seconds),

@@ -20,6 +20,7 @@ from stereo_gpu.images import write_png
 from stereo_gpu.prepare import grey_scale
 from stereo_gpu.render import Shading, render, render_points
 from stereo_gpu.report import Figure, write_report
+from stereo_gpu.rig import Rig
 from stereo_gpu.rig_check import RigCheck
 from stereo_gpu.self_calibrate import RigFound
 from stereo_gpu.types import Bytes, Disparity, Floats, Mesh, Picture, RectifiedPair, Surface, Validity, View
@@ -42,8 +43,9 @@ class Reconstruction:
         mesh: the textured mesh.
         inputs: name and sha256 of each picture.
         options: every option as used.
-        checked: what matched features tell of the rig and the pair.
-        found: the rig, where it was made from this pair.
+        rig: of the raw pictures.
+        checked: what matched features tell of it.
+        found: how the rig was had, where it was made from this pair.
         seconds: wall time of each stage.
         warnings: what a person should know, one sentence each.
     """
@@ -59,6 +61,7 @@ class Reconstruction:
     mesh: Mesh
     inputs: dict[str, dict[str, str]]
     options: dict[str, Any]
+    rig: Rig
     checked: RigCheck
     seconds: dict[str, float]
     warnings: list[str]
@@ -136,20 +139,9 @@ class Reconstruction:
 
     def figures(self) -> list[Figure]:
         """The pictures of the paper's figures 6 to 9 for this pair."""
-        lines = []
-        if self.found is not None:
-            matched = self.found.matched
-            ends = draw_epipolar_curves(
-                self.raw_left, self.raw_right, self.found.rig, matched.points_left, matched.points_right
-            )
-            lines = [
-                Figure(
-                    name="Epipolar lines",
-                    caption="Some of the features that the rig was made from, and in the same colour the line on which"
-                    " the partner in the other picture must lie.",
-                    picture=figures.side_by_side(*ends),
-                )
-            ]
+        lines = draw_epipolar_curves(
+            self.raw_left, self.raw_right, self.rig, self.checked.points_left, self.checked.points_right
+        )
         unwanted = "nothing was masked" if self.mask.all() else "what is dark was not matched"
         return [
             Figure(
@@ -157,7 +149,12 @@ class Reconstruction:
                 caption="The two pictures as the cameras took them.",
                 picture=figures.side_by_side(self.raw_left, self.raw_right),
             ),
-            *lines,
+            Figure(
+                name="Epipolar lines",
+                caption="Some matched features, and in the same colour the line on which the rig puts the partner in"
+                " the other picture.",
+                picture=figures.side_by_side(*lines),
+            ),
             Figure(
                 name="Check",
                 caption="Where in the left picture the rig puts matched features on different rows, and by how much.",
