@@ -43,6 +43,23 @@ class KnownDistance:
         if self.first == self.second:
             raise InputError(f"both ends of the distance are at {self.first}: give two places")
 
+    def refuse_outside(self, size: tuple[int, int]) -> None:
+        """Refuse places that a picture does not have; the lens model would carry them anywhere.
+
+        Args:
+            size: width and height of the raw pictures, px.
+
+        Raises:
+            InputError: a place lies outside.
+        """
+        width, height = size
+        for x, y in (self.first, self.second):
+            if not (-0.5 <= x <= width - 0.5 and -0.5 <= y <= height - 0.5):
+                raise InputError(
+                    f"the distance ends at ({x:g}, {y:g}), outside of the pictures of {width} x {height} px:"
+                    " give places in the raw reference picture"
+                )
+
 
 def scale_to(
     known: KnownDistance, pair: RectifiedPair, points: Floats, rig: Rig, view: View
@@ -82,6 +99,7 @@ def scale_of(known: KnownDistance, points: Floats, camera: Camera, rotation: Dou
     Raises:
         InputError: a place lies outside of the picture, or no depth is known around it.
     """
+    known.refuse_outside(camera.size)
     places = np.array([known.first, known.second], np.float64).reshape(-1, 1, 2)
     rectified = cv2.undistortPoints(places, camera.matrix, camera.distortion, R=rotation, P=matrix).reshape(2, 2)
     ends = [_point(points, place, raw) for place, raw in zip(rectified, (known.first, known.second), strict=True)]

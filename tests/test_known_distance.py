@@ -39,7 +39,9 @@ def test_a_known_length_gives_the_scale_through_lens_and_rotation():
     ("ends", "words"),
     [
         (((20, 20), (100, 100)), r"no depth is known at \(20, 20\)"),
-        (((100, 100), (400, 20)), r"\(400, 20\), outside"),
+        (((100, 100), (400, 20)), r"\(400, 20\), outside of the pictures of 160 x 120 px"),
+        (((100, 100), (5000, 20)), r"\(5000, 20\), outside"),  # where this lens model folds back into the picture
+        (((1e300, 100), (50, 20)), "outside of the pictures"),
         (((100, 100), (100.2, 100)), "are one point"),
     ],
 )

@@ -85,7 +85,7 @@ def test_a_known_distance_scales_all_that_comes_out(pictures, made):
         ({"baseline": float("nan")}, "above 0"),
         ({"focal_px": 3.0}, "focal length = 3 px"),
         ({"baseline": 100.0, "distance": sg.KnownDistance((1, 2), (3, 4), 5)}, "one sets the scale"),
-        ({"distance": sg.KnownDistance((-50, 2), (150, 100), 5)}, "choose a place nearer to the middle"),
+        ({"distance": sg.KnownDistance((-50, 2), (150, 100), 5)}, "outside of the pictures of"),
     ],
 )
 def test_what_cannot_be_known_is_refused(pictures, options, words):
