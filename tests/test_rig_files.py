@@ -192,6 +192,16 @@ def test_opencvs_own_files_under_their_usual_names(tmp_path, names, suffix):
     refused("add --size 640x480", path)
 
 
+def test_plain_json_under_opencvs_names(tmp_path):
+    rig = make_rig()
+    values = (rig.left.matrix, rig.left.distortion, rig.right.matrix, rig.right.distortion, rig.R, rig.T)
+    content = {name: value.tolist() for name, value in zip(("K1", "D1", "K2", "D2", "R", "T"), values, strict=True)}
+    back = sg.load_rig(put(tmp_path, "rig.json", json.dumps(content)), size=(640, 480))
+    np.testing.assert_array_equal(back.T, rig.T)
+    np.testing.assert_array_equal(back.left.distortion, rig.left.distortion)
+    refused("does not hold two cameras", put(tmp_path, "rig.json", '{"left": {}, "right": {}}'))
+
+
 def test_two_files_as_the_stereo_calib_sample_writes(tmp_path):
     rig = make_rig(8)
     long = [np.append(camera.distortion, np.zeros(6)).reshape(1, 14) for camera in (rig.left, rig.right)]
@@ -328,6 +338,7 @@ OPENCV = [
     ("-33.333333333333336, 1e-17, 0.30000000000000004", "0.0, 0.0, 0.0", "cameras stand"),
     ("-33.333333333333336", "-1e20", "cameras stand"),
     ("-33.333333333333336", "-1e300", "T holds -1e300: no calibration has a number above"),
+    ("-33.333333333333336", "33.333333333333336", "to the left of the left one: exchange left and right"),
     ("M2:", "M9:", "does not hold two cameras"),
     ("D2:", "D9:", "has no M|has no D"),
     ("T: !!", "T9: !!", "has no T"),
@@ -433,6 +444,7 @@ def test_nonsense_in_kittis_files(tmp_path):
     refused("whole number", put(tmp_path, "a.txt", swap(KITTI_RAW, "S_00: 1.392000e+03", "S_00: 1.3925e-01")))
     path = put(tmp_path, "a.txt", KITTI_RAW)
     refused("K_02 and K_03", path, cameras=(2, 3))
+    refused("exchange left and right", put(tmp_path, "b.txt", KITTI_ODOMETRY), size=size, cameras=(3, 2))
     refused("1392 x 512 px, not of 640 x 480", path, size=(640, 480))
 
 
@@ -549,6 +561,8 @@ def test_arguments_that_are_wrong(tmp_path):
     for file in (path, own):
         refused("640 x 480 px, not of 320 x 240", file, size=(320, 240))
     refused("for KITTI's files", path, cameras=(0, 1))
+    for cameras in (2, (2,), (2, 2), (0, 100), ("2", "3"), (0.0, 1.0)):
+        refused("give the left and the right one's number", path, cameras=cameras)
     refused("0 calibration files")
     refused("3 calibration files", path, path, path)
     refused("is a folder without", tmp_path)

@@ -18,6 +18,7 @@ FOCAL_RANGE = (0.01, 1000.0)  # times the larger side: an angle of view of 178 d
 FOCAL_RATIO = 10.0  # of fx and fy
 LARGEST_COEFFICIENT = 1e7  # of the lens; that of x^6 grows large with long focal lengths
 BASELINE_RANGE = (1e-9, 1e9)  # in any unit
+LARGEST_CAMERA = 99  # KITTI's names have two digits
 
 
 def to_rig(draft: Draft, size: Size | None, unit: str | None) -> Rig:
@@ -60,6 +61,21 @@ def check_size(size: object) -> None:
         raise InputError(f"size is {size!r:.40}: width and height must be 1 to {LARGEST_SIDE} px")
 
 
+def check_cameras(cameras: object) -> None:
+    """Refuse what is neither None nor the numbers of two cameras.
+
+    Raises:
+        InputError: with the value.
+    """
+    if cameras is not None and not (
+        isinstance(cameras, tuple)
+        and len(cameras) == 2
+        and all(isinstance(number, int) and 0 <= number <= LARGEST_CAMERA for number in cameras)
+        and cameras[0] != cameras[1]
+    ):
+        raise InputError(f"cameras is {cameras!r:.40}: give the left and the right one's number, as (2, 3)")
+
+
 def in_unit(rig: Rig, unit: str | None) -> Rig:
     """The rig with its lengths in another unit of METRES_PER_UNIT; None leaves them.
 
@@ -80,7 +96,8 @@ def refuse_nonsense(rig: Rig) -> None:
     """Refuse numbers that are those of a rig by their form, but that no two cameras have.
 
     Raises:
-        InputError: a focal length, a principal point, a lens or the baseline is out of all proportion.
+        InputError: a focal length, a principal point, a lens or the baseline is out of all proportion, or left and
+            right are swapped.
     """
     for name, camera in (("left", rig.left), ("right", rig.right)):
         wide, high = camera.size
@@ -100,6 +117,12 @@ def refuse_nonsense(rig: Rig) -> None:
     baseline = math.hypot(*rig.T.tolist())
     if not BASELINE_RANGE[0] <= baseline <= BASELINE_RANGE[1]:
         raise InputError(f"the cameras stand {baseline:g} {rig.unit} apart: mend T")
+    place = -rig.R.T @ rig.T  # of the right camera as the left one sees it
+    if place[0] < 0 and np.abs(place).max() == -place[0]:
+        raise InputError(
+            f"the right camera stands {-place[0]:g} {rig.unit} to the left of the left one: exchange left and right,"
+            " or, where R and T lead from right to left, give their inverse, R' and -R' T"
+        )
 
 
 def _camera(name: str, draft: DraftCamera, size: Size | None) -> Camera:

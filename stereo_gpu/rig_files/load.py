@@ -12,7 +12,7 @@ from stereo_gpu.errors import InputError
 from stereo_gpu.rig import FORMAT, Rig
 from stereo_gpu.rig_files.draft import Draft, Size
 from stereo_gpu.rig_files.json_tree import parse_json
-from stereo_gpu.rig_files.judge import check_size, in_unit, refuse_nonsense, to_rig
+from stereo_gpu.rig_files.judge import check_cameras, check_size, in_unit, refuse_nonsense, to_rig
 from stereo_gpu.rig_files.kitti import read_kitti
 from stereo_gpu.rig_files.mat_variables import is_mat
 from stereo_gpu.rig_files.matlab import read_matlab
@@ -57,6 +57,7 @@ def load_rig(
         InputError: a file is missing, of no known format, cut off, damaged or huge, or says what no rig can be.
     """
     check_size(size)
+    check_cameras(cameras)
     rig = _load(paths, size, unit, cameras)[0]
     for name, found in (("left", rig.left.size), ("right", rig.right.size)):
         if size is not None and tuple(size) != tuple(found):
@@ -161,5 +162,5 @@ def _with_suffixes(folder: Path, name: str) -> Iterator[Path]:
 
 
 def _is_own(data: bytes) -> bool:
-    """Whether this is, or was meant to be, what `Rig.save` writes: JSON that is not OpenCV's."""
-    return data.lstrip()[:1] in (b"{", b"[") and (FORMAT.encode() in data or b'"opencv-matrix"' not in data)
+    """Whether this is what `Rig.save` writes; other JSON may be OpenCV's, or a student's with the same names."""
+    return data.lstrip()[:1] == b"{" and FORMAT.encode() in data
