@@ -67,3 +67,11 @@ def test_any_picture_and_no_points():
     draw_epipolar_lines(WHITE, WHITE, np.zeros((3, 3)), left := np.array([[10.0, 20.0]]), left)
     with pytest.raises(PictureError, match="right is 2 x 2 px"):
         draw_epipolar_lines(WHITE, WHITE[:2, :2], F, none, none)
+
+
+def test_without_points_nothing_is_drawn():
+    nothing = np.zeros((0, 2))
+    for drawn in draw_epipolar_curves(WHITE, WHITE, two_views.rig(), nothing, nothing):
+        assert not coloured(drawn).any()
+    for drawn in draw_epipolar_lines(WHITE, WHITE, np.eye(3), nothing, nothing):
+        assert not coloured(drawn).any()

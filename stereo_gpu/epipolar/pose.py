@@ -88,6 +88,8 @@ def estimate_pose(points_left: ArrayLike, points_right: ArrayLike, camera_left: 
 
 def undistort(points: Doubles, camera: Camera) -> Doubles:
     """(N, 2) px to (N, 2) x / z, y / z in the camera's frame."""
+    if not len(points):  # of which OpenCV makes None
+        return points
     # In the corners of a wide lens OpenCV's own five steps end 0.02 px off.
     rays: Doubles = cv2.undistortPoints(points[:, None], camera.matrix, camera.distortion, criteria=CLOSE)[:, 0]
     return rays
