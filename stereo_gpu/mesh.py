@@ -96,7 +96,7 @@ def _usable(values: Floats, points: Floats, farthest: float) -> _Mask:
     if not usable.any():
         raise StageError(
             f"no mesh: none of {values.size} pixels has a disparity with a point before the camera; widen the"
-            " disparity range or check the calibration"
+            " disparity range or the mask, or check the calibration"
         )
     limit = farthest * float(np.median(depth[usable]))
     return usable & (depth <= limit)

@@ -125,7 +125,7 @@ def test_options_out_of_range(option):
 
 def test_nothing_to_mesh():
     values, points = triangulated(plane())
-    with pytest.raises(StageError, match="widen the disparity range"):
+    with pytest.raises(StageError, match="widen the disparity range or the mask"):
         build_mesh(np.full_like(values, np.nan), points)
     with pytest.raises(InputError, match="do not fit"):
         build_mesh(values[1:], points)
