@@ -93,6 +93,7 @@ def propose(
     points = board.points.astype(np.float64)
     orders = _orders(board)
     candidates = [[_renamed(view.seen, order) for order in orders] for view in right]
+    common = [[in_both(view.seen, seen)[1] for seen in several] for view, several in zip(left, candidates, strict=True)]
     views, rotations, translations, errors = [], [], [], []
     for number in np.unique(np.linspace(0, len(left) - 1, MOST_HYPOTHESES).astype(int)):
         for order in orders:
@@ -103,7 +104,7 @@ def propose(
             errors.append(
                 [
                     [_error(view, seen, points, rotation, translation, matrix, distortion) for seen in several]
-                    for view, several in zip(left, candidates, strict=True)
+                    for view, several in zip(left, common, strict=True)
                 ]
             )
     return Proposals(
@@ -150,15 +151,14 @@ def _relative(
 
 def _error(
     left: LensView,
-    right: BoardView,
+    seen: BoardView,
     points: Doubles,
     rotation: Doubles,
     translation: Doubles,
     matrix: Doubles,
     distortion: Doubles,
 ) -> float:
-    """Rms px between the right corners and the board as the left camera sees it, over the corners that both see."""
-    _, seen = in_both(left.seen, right)
+    """Rms px between the board as the left camera sees it, carried over, and the right corners that both have seen."""
     if not len(seen.ids):
         return np.inf
     carried = (points[seen.ids] @ left.rotation.T + left.translation) @ rotation.T + translation
