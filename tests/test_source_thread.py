@@ -94,6 +94,30 @@ def test_a_source_that_hangs_when_asked_for_its_settings(monkeypatch):
     assert first.closed.wait(LIMIT_S) and second.closed.wait(LIMIT_S) and all_threads_end()
 
 
+def test_damaged_pictures_of_a_camera_are_passed_over_until_thirty_in_turn():
+    def refuse():
+        raise InputError("cannot be decoded")
+
+    camera = Still()
+    camera.live = True
+    reader = read(lambda: camera)
+    try:
+        given, camera.retrieve = camera.retrieve, refuse
+        for _ in range(2):
+            for _ in range(29):
+                assert reader.step() and reader.decode() is None
+            camera.retrieve = given
+            assert reader.step() and reader.decode() is not None
+            camera.retrieve = refuse
+        assert reader.damaged == 58
+        for _ in range(29):
+            assert reader.step() and reader.decode() is None
+        with pytest.raises(InputError, match="cannot be decoded"):
+            assert reader.step() and reader.decode()
+    finally:
+        reader.close()
+
+
 def test_an_end_while_sources_open_leaves_nothing():
     stop, source, go = threading.Event(), Still(), threading.Event()
 

@@ -25,7 +25,7 @@ STEPS_NEEDED = 5  # before that the source's own word counts
 FRESH_SHARE = 0.3  # of a period: a grab that took as long had to wait for its picture
 GAP = 1.8  # periods: a grab that took longer missed a picture
 OPENING_PAIRS, SETTLING_PAIRS = 4, 2  # passed over until both are in step, after opening and after a gap
-MOST_DAMAGED = 30  # pictures in turn that cannot be decoded, before that is the camera's fault rather than the cable's
+MOST_DAMAGED = 30  # pictures in turn that cannot be decoded: no longer a moment's trouble on the cable
 SETTINGS_EVERY_S = 1.0  # an automatic exposure goes on changing
 
 
@@ -117,7 +117,7 @@ class StereoReader:
         except InputError:
             self.damaged += 1
             self._damaged_in_turn += 1
-            if not self.live or self._damaged_in_turn > MOST_DAMAGED:
+            if not self.live or self._damaged_in_turn >= MOST_DAMAGED:
                 raise
             return None
         self._damaged_in_turn = 0
