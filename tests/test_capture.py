@@ -269,6 +269,9 @@ def test_sources_that_are_none_leave_nothing(films, tmp_path):
         (tmp_path / "text.mp4", films[1], "cannot be opened"),
         (tmp_path / "cut.mp4", films[1], "cannot be opened"),
         (0, 0, "0 is given for both cameras"),
+        ("http://me:secret@127.0.0.1:9/", "http://127.0.0.1:9/no", r"'http://\*\*\*@127.0.0.1:9/' cannot be opened"),
+        ("http://me:secret@c/", "http://me:secret@c/", r"http://\*\*\*@c/ is given for both cameras"),
+        ("http://me:secret@c/", films[1], r"http://\*\*\*@c/ is a camera or stream"),
         ("http://127.0.0.1:9/none", "http://127.0.0.1:9/no", "'http://127.0.0.1:9/none' cannot be opened"),
     ):
         with pytest.raises(InputError, match=says) as refused:

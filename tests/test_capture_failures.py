@@ -234,7 +234,9 @@ def apart(folder):
 def test_streams_are_paired_by_time(cameras, tmp_path):
     # The right camera's moments are 15 ms after the left one's; both drop pictures, not the same ones.
     left, right = cameras.url("left", fps=20, lost="5-9"), cameras.url("right", fps=20, lost="20-24", late_ms=15)
+    left = left.replace("://", "://me:secret@")
     recording = capture(left, right, tmp_path, count=50, interval=0, max_skew_ms=24)
+    assert "***@" in (told := (tmp_path / "pairs.jsonl").read_text()) and "secret" not in told
     assert recording.taken == 50 and min(recording.unmatched) >= 4
     assert apart(tmp_path) <= 1  # paired one by one they would be 5 apart after the first gap
     assert recording.skews_ms.max() <= 24

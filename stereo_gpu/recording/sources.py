@@ -69,20 +69,21 @@ def find_openers(left: Name, right: Name | None, wanted: CameraSettings = NO_SET
         InputError: the names mean nothing, two different clocks, or a folder holds no picture.
     """
     from stereo_gpu.recording.folder_source import FolderSource, number_pictures
-    from stereo_gpu.recording.video_source import VideoSource, is_live
+    from stereo_gpu.recording.video_source import VideoSource, is_live, without_account
 
     names = [_text(name) for name in (left, right) if name is not None]
+    shown = [without_account(name) for name in names]
     folders = [is_folder(name) for name in names]
     live = [not folder and is_live(name) for name, folder in zip(names, folders, strict=True)]
     if len(names) == 2:
         if live[0] != live[1] or folders[0] != folders[1]:
             told = [
                 f"{name} is {'a folder' if folder else 'a camera or stream' if goes_on else 'a video file'}"
-                for name, folder, goes_on in zip(names, folders, live, strict=True)
+                for name, folder, goes_on in zip(shown, folders, live, strict=True)
             ]
             raise InputError(f"{', '.join(told)}: their times cannot be compared, give two of a kind")
         if live[0] and names[0] == names[1]:
-            raise InputError(f"{names[0]} is given for both cameras: name two, or one with both views side by side")
+            raise InputError(f"{shown[0]} is given for both cameras: name two, or one with both views side by side")
     if folders[0]:
         listed = number_pictures([Path(name) for name in names], wanted.fps)
         return tuple(lambda part=part: FolderSource(part) for part in listed)

@@ -16,6 +16,7 @@ from stereo_gpu.recording.settings import NO_SETTINGS, CameraSettings, apply_set
 from stereo_gpu.types import Picture
 
 URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+://")
+ACCOUNT = re.compile(r"(?<=://)[^/?#]*@")
 USUAL_PERIOD_S = 1 / 30  # where a source does not say
 NETWORK_LIMIT_MS = 4000  # OpenCV itself would wait 30 s for a stream that says nothing
 LATEST_STAMP_S = 2.0  # a driver's time stamp that is older is of another clock
@@ -34,6 +35,11 @@ def is_live(name: str) -> bool:
     return not stat.S_ISREG(kind)
 
 
+def without_account(name: str) -> str:
+    """The name as it may be written and shown: a stream's URL may hold a password."""
+    return ACCOUNT.sub("***@", name)
+
+
 class VideoSource:
     """A camera by its number or path, a stream by its URL, or a video file.
 
@@ -45,7 +51,7 @@ class VideoSource:
     """
 
     def __init__(self, name: str, wanted: CameraSettings = NO_SETTINGS) -> None:
-        self.name = name
+        self.name = without_account(name)
         self.live = is_live(name)
         self.stamped = not self.live
         self._camera = self.live and not URL.match(name)
@@ -54,7 +60,7 @@ class VideoSource:
         if not self._capture.isOpened():
             self._capture.release()
             raise InputError(
-                f"camera or video {name!r} cannot be opened: check that it is there and that nothing else uses it"
+                f"camera or video {self.name!r} cannot be opened: check that it is there and that nothing else uses it"
             )
         self.refused = apply_settings(self._capture, wanted) if self._camera and wanted.asked else ()
         rate = self._capture.get(cv2.CAP_PROP_FPS)
