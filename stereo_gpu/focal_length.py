@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,7 +17,8 @@ PLAUSIBLE = 0.3, 20.0  # of the longer side: fields of view of 118 degrees down 
 SAME = 0.02  # by how much the focal lengths of both pictures may differ
 FULL_FRAME_MM = math.hypot(36, 24)
 MM_PER_UNIT = {2: 25.4, 3: 10.0, 4: 1.0}  # of EXIF's resolutions: inch, cm, mm
-EXIF, EXIF_WIDTH, FOCAL_MM, FOCAL_IN_35_MM, PLANE_X, PLANE_UNIT = 0x8769, 0xA002, 0x920A, 0xA405, 0xA20E, 0xA210
+EXIF, EXIF_WIDTH, EXIF_HEIGHT = 0x8769, 0xA002, 0xA003
+FOCAL_MM, FOCAL_IN_35_MM, PLANE_X, PLANE_UNIT = 0x920A, 0xA405, 0xA20E, 0xA210
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,11 @@ def _exif(path: Any) -> dict[int, Any]:
     from PIL import Image
 
     try:
-        with Image.open(path) as image:
+        # Pillow warns of pictures above 89 megapixels, which `read_image` takes.
+        with (
+            warnings.catch_warnings(action="ignore", category=Image.DecompressionBombWarning),
+            Image.open(path) as image,
+        ):
             return dict(image.getexif().get_ifd(EXIF))
     except Exception:  # whatever a broken EXIF makes Pillow raise: the picture itself may be good
         return {}
@@ -93,9 +99,10 @@ def _from_exif(tags: dict[int, Any], size: tuple[int, int]) -> FocalLength | Non
     focal_mm, per_unit = _number(tags, FOCAL_MM), _number(tags, PLANE_X)
     mm = MM_PER_UNIT.get(int(_number(tags, PLANE_UNIT) or 2), 0.0)
     if focal_mm and per_unit and mm:
-        # The resolution is that of the picture as it was taken; it may have been shrunk since.
-        taken = _number(tags, EXIF_WIDTH) or size[0]
-        px = focal_mm * per_unit / mm * size[0] / taken
+        # The resolution is that of the picture as it was taken; it may have been shrunk or turned upright since.
+        taken = _number(tags, EXIF_WIDTH), _number(tags, EXIF_HEIGHT)
+        shrunk = max(size) / max(taken) if all(taken) else size[0] / (taken[0] or size[0])
+        px = focal_mm * per_unit / mm * shrunk
         return FocalLength(px, f"EXIF: {focal_mm:g} mm at {per_unit / mm:.1f} px/mm")
     if in_35_mm := _number(tags, FOCAL_IN_35_MM):
         return FocalLength(in_35_mm / FULL_FRAME_MM * math.hypot(*size), f"EXIF: as {in_35_mm:g} mm on 35 mm film")

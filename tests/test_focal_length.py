@@ -40,6 +40,19 @@ def test_the_sensors_resolution_comes_first_and_follows_a_shrunk_picture(tmp_pat
     assert find_focal_length([path, path], SIZE).px == pytest.approx(4.0 * 200 / 2)
 
 
+def test_a_picture_turned_upright_has_the_focal_length_of_the_one_taken(tmp_path):
+    tags = {0x920A: 4.0, 0xA20E: 2000.0, 0xA210: 3, 0xA002: 1280, 0xA003: 960}
+    path = photo(tmp_path / "a.jpg", tags, SIZE[::-1])
+    assert find_focal_length([path, path], SIZE[::-1]).px == pytest.approx(4.0 * 200 / 2)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_large_picture_is_no_warning(tmp_path, monkeypatch):
+    path = photo(tmp_path / "a.jpg", {0xA405: 28})
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 200_000)
+    assert not find_focal_length([path, path], SIZE).guessed
+
+
 @pytest.mark.parametrize("tags", [{}, {0xA405: 0}, {0xA405: 60_000}, {0x920A: 4.0}, {0x920A: 4.0, 0xA20E: 0.0}])
 def test_without_a_plausible_tag_it_is_a_guess_and_says_so(tmp_path, tags):
     found = find_focal_length([photo(tmp_path / "a.jpg", tags), np.zeros((480, 640), np.uint8)], SIZE)
