@@ -6,15 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereo_gpu.epipolar.consensus import ENOUGH, agreeing, enough
+from stereo_gpu.epipolar.consensus import agreeing, enough
 from stereo_gpu.epipolar.faults import BEHIND, share_behind
 from stereo_gpu.epipolar.features import WORKING_SIDE, match_features
 from stereo_gpu.epipolar.rows import Rows
 from stereo_gpu.epipolar.sharpen import sharpen_matches
 from stereo_gpu.errors import InputError
+from stereo_gpu.images import check_pair
 from stereo_gpu.types import Picture
-
-__all__ = ["ENOUGH", "PairCheck", "check_rectified", "refuse_swapped"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +44,11 @@ def check_rectified(left: Picture, right: Picture, *, offset_px: float = 0.0) ->
     Args:
         left, right: (H, W) or (H, W, 3), uint8 or uint16.
         offset_px: disparity of a point at infinity, cx_left - cx_right.
+
+    Raises:
+        PictureError: they are no such pictures.
     """
+    check_pair(left, right)
     points_left, points_right = sharpen_matches(left, right, *match_features(left, right))
     side = max(left.shape[:2])
     apart = points_left - points_right

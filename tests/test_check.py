@@ -4,8 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from stereo_gpu.check import ENOUGH, check_rectified, refuse_swapped
-from stereo_gpu.errors import InputError
+from stereo_gpu.check import check_rectified, refuse_swapped
+from stereo_gpu.epipolar.consensus import ENOUGH
+from stereo_gpu.errors import InputError, PictureError
 
 NEAR = 12  # px of disparity of the whole texture
 FOUND_PX = 0.3  # of SIFT's positions, median
@@ -69,3 +70,9 @@ def test_large_and_deep_pictures_are_measured_in_their_own_pixels():
     assert found.vertical_px == pytest.approx(8, abs=8 * FOUND_PX)
     deep = check_rectified(*(p.astype(np.uint16) * 16 for p in moved(NEAR, 3)))
     assert deep.vertical_px == pytest.approx(3, abs=FOUND_PX)
+
+
+def test_pictures_of_two_sizes_are_refused():
+    left, right = moved(NEAR)
+    with pytest.raises(PictureError, match="two pictures of one size"):
+        check_rectified(left, right[:-1])

@@ -348,6 +348,22 @@ def test_rectify_takes_every_kind_of_picture(capsys, tmp_path, raw_folder, kind)
     assert "baseline 100.0" in capsys.readouterr().out
 
 
+def test_match_warns_of_a_pair_that_is_not_rectified(capsys, tmp_path, raw_folder):
+    lowered = np.roll(cv2.imread(str(raw_folder / "right.png")), 3, axis=0)
+    cv2.imwrite(str(tmp_path / "right.png"), lowered)
+    pair = [str(raw_folder / "left.png"), str(tmp_path / "right.png")]
+    assert main(["match", *pair, "--disparities", "0,64", "--out", str(tmp_path / "out")]) == 0
+    told = capsys.readouterr().err
+    assert "warning: rows differ by" in told and "stereo-gpu rectify" in told
+
+
+@pytest.mark.parametrize("command", ["check", "rectify"])
+def test_sizes_that_differ_are_not_blamed_on_the_rig(capsys, tmp_path, raw_folder, command):
+    cv2.imwrite(str(tmp_path / "left.png"), cv2.imread(str(raw_folder / "left.png"))[:100, :100])
+    given = [tmp_path / "left.png", raw_folder / "right.png", "--rig", raw_folder / "rig.json", "--out", tmp_path / "o"]
+    refused(capsys, command, *given, says=["left is 100 x 100 px", "two pictures of one size"])
+
+
 def test_match_writes_the_map(capsys, tmp_path, raw_folder):
     rig, pair = str(raw_folder / "rig.json"), [str(raw_folder / f"{side}.png") for side in ("left", "right")]
     assert main(["rectify", *pair, "--rig", rig, "--out", str(tmp_path)]) == 0

@@ -26,7 +26,7 @@ def run(options: argparse.Namespace) -> None:
     """Print what the pair says of the rig; write the map and the corrected rig where they are wanted."""
     from stereo_gpu.check_figure import draw_check
     from stereo_gpu.files import check_writable, whole_folder, write_whole
-    from stereo_gpu.images import read_image, write_png
+    from stereo_gpu.images import check_pair, read_image, write_png
     from stereo_gpu.refine_rig import refine_rig
     from stereo_gpu.rig_check import RigCheck, Verdict, check_rig
     from stereo_gpu.rig_files.load import load_rig_for
@@ -35,6 +35,7 @@ def run(options: argparse.Namespace) -> None:
     if options.save and not options.refine:
         raise InputError(f"--save {options.save}: only a corrected rig is saved, give --refine as well")
     left, right = read_image(options.left), read_image(options.right)
+    check_pair(left, right)
     rig = load_rig_for(options.rig, left)
     if options.out:
         check_writable(options.out)

@@ -21,12 +21,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Rectify a raw pair and write both pictures."""
     from stereo_gpu.files import check_writable, whole_folder
-    from stereo_gpu.images import read_image, write_png
+    from stereo_gpu.images import check_pair, read_image, write_png
     from stereo_gpu.rectify import rectify
     from stereo_gpu.rig_check import Verdict, check_rig, refuse_swapped
     from stereo_gpu.rig_files.load import load_rig_for
 
     left, right = read_image(options.left), read_image(options.right)
+    check_pair(left, right)
     rig = load_rig_for(options.rig, left)
     check_writable(options.out)
     checked = check_rig(left, right, rig)
