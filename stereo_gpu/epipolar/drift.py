@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from stereo_gpu.epipolar.robust import MAD_TO_SIGMA
 from stereo_gpu.epipolar.rows import find_rows
 from stereo_gpu.rig import Rig
 from stereo_gpu.types import Doubles
@@ -17,7 +18,6 @@ TURN_DEG, MOVE_DEG = 0.5, 0.5
 NOISE_PX = 0.3  # of a match's row, before its own spread is known
 LEAST_NOISE_PX = 0.05
 PITCH, YAW, ROLL, DOWN, FORWARD = ALL = (0, 1, 2, 3, 4)
-_TO_SPREAD = 1.4826  # from the median of absolute values to the standard deviation
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -91,7 +91,7 @@ def fit_drift(
         fit = least_squares(residuals, found, loss="soft_l1", x_scale=prior[chosen], max_nfev=50)
         found = fit.x
         left = errors(found)
-        noise = max(LEAST_NOISE_PX, _TO_SPREAD * float(np.median(np.abs(left))))
+        noise = max(LEAST_NOISE_PX, MAD_TO_SIGMA * float(np.median(np.abs(left))))
     every, deviations = np.zeros(5), np.zeros(5)
     every[chosen] = found
     deviations[chosen] = np.linalg.norm(np.linalg.pinv(fit.jac), axis=1)

@@ -11,14 +11,19 @@ from numpy.typing import ArrayLike, NDArray
 from stereo_gpu.epipolar.eight_point import FEWEST, with_unit_norm
 from stereo_gpu.epipolar.plane import refuse_degenerate
 from stereo_gpu.epipolar.points import check_points, normaliser, sampson_distances
-from stereo_gpu.epipolar.robust import WITHIN, Fit, best_of, fit_robustly
+from stereo_gpu.epipolar.robust import (
+    CONFIDENCE,
+    MOST_TRIALS,
+    ROUNDING,
+    START_PX,
+    WIDEST_PX,
+    WITHIN,
+    Fit,
+    best_of,
+    fit_robustly,
+)
 from stereo_gpu.errors import StageError
 from stereo_gpu.types import Doubles
-
-START_PX = (0.5, 1.0, 2.0)  # how far inliers of the first estimates may be from their epipolar lines
-WIDEST_PX = 5.0  # what is farther from the lines of all first estimates is wrong
-ROUNDING = 1e-7  # of the extent: what exact points misfit by
-CONFIDENCE, MOST_TRIALS = 0.9999, 10_000
 
 
 class Fundamental(NamedTuple):

@@ -11,18 +11,24 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from stereo_gpu.epipolar.points import check_points, cross_matrix, homogeneous, sampson_distances
-from stereo_gpu.epipolar.robust import WITHIN, Fit, best_of, fit_robustly
+from stereo_gpu.epipolar.robust import (
+    CONFIDENCE,
+    MOST_TRIALS,
+    ROUNDING,
+    START_PX,
+    WIDEST_PX,
+    WITHIN,
+    Fit,
+    best_of,
+    fit_robustly,
+)
 from stereo_gpu.errors import InputError, StageError
 from stereo_gpu.rig import Camera
 from stereo_gpu.types import Doubles
 
 FEWEST = 8  # the five-point algorithm takes five; three more tell whether they are right
-START_PX = (0.5, 1.0, 2.0)  # how far inliers of the first estimates may be from their epipolar lines
-WIDEST_PX = 5.0  # what is farther from the lines of all first estimates is wrong
-CONFIDENCE, MOST_TRIALS = 0.9999, 10_000
 LEAST_PARALLAX = 3.0  # a turn alone must misfit this many times worse than a turn and a shift
 CLOSE = (cv2.TERM_CRITERIA_EPS | cv2.TERM_CRITERIA_COUNT, 50, 1e-10)  # where undistortion ends, px
-ROUNDING = 1e-7  # of the focal length: what exact points misfit by
 
 
 class Pose(NamedTuple):
@@ -87,7 +93,10 @@ def estimate_pose(points_left: ArrayLike, points_right: ArrayLike, camera_left: 
 
 
 def undistort(points: Doubles, camera: Camera) -> Doubles:
-    """(N, 2) px to (N, 2) x / z, y / z in the camera's frame."""
+    """(N, 2) px to (N, 2) x / z, y / z in the camera's frame.
+
+    Fast enough for the inside of a fit; `rows.rays` tells besides where the lens model has no direction.
+    """
     if not len(points):  # of which OpenCV makes None
         return points
     # In the corners of a wide lens OpenCV's own five steps end 0.02 px off.

@@ -13,6 +13,10 @@ from stereo_gpu.types import Doubles
 ROUNDS = 4  # noise and parameters in turn; the third changes little
 WITHIN = 3.0  # times the noise: an inlier
 MAD_TO_SIGMA = 1.4826  # of a normal distribution
+START_PX = (0.5, 1.0, 2.0)  # how far inliers of MAGSAC's estimates may be from their epipolar lines
+WIDEST_PX = 5.0  # what is farther from the lines of all those estimates is wrong
+CONFIDENCE, MOST_TRIALS = 0.9999, 10_000  # of MAGSAC
+ROUNDING = 1e-7  # of the points' extent, or of the focal length: what exact points misfit by
 SMALLEST_NOISE = 1e-9  # so that exact points do not divide by zero
 
 Model = TypeVar("Model")

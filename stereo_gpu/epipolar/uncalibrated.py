@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from stereo_gpu.epipolar.faults import BEHIND
 from stereo_gpu.epipolar.features import match_features
 from stereo_gpu.epipolar.points import check_points
 from stereo_gpu.epipolar.pose import (
@@ -20,10 +21,10 @@ from stereo_gpu.epipolar.pose import (
     undistort,
 )
 from stereo_gpu.epipolar.robust import WITHIN, Fit, best_of, fit_robustly, misfit
+from stereo_gpu.epipolar.rows import find_rows, focal_length
 from stereo_gpu.epipolar.sharpen import sharpen_matches
 from stereo_gpu.errors import InputError, StageError
 from stereo_gpu.images import check_pair
-from stereo_gpu.rectify import plan_rectification
 from stereo_gpu.rig import Camera, Rig
 from stereo_gpu.types import UNSCALED, Doubles, Picture
 
@@ -37,7 +38,6 @@ START_PX = 1.0
 COARSEST = 0.004  # of the longer side: noise above it is no epipolar geometry
 LEAN_GAIN = 0.1  # of the matches: that cameras above or before each other must fit besides, to be believed
 MOST_FITTED = 1000  # matches
-MOST_BEHIND = 0.8  # share of the matches behind the cameras from which on the pictures are swapped
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,7 +131,7 @@ def rig_from_points(
             f" {turn_px:.2g} px; move the camera aside between them"
         )
     behind = float((disparities[fits] < -WITHIN * fit.noise).mean())
-    if behind > MOST_BEHIND:
+    if behind > BEHIND:
         raise InputError(
             f"the pictures look swapped: {behind:.0%} of {int(fits.sum())} matched points would lie behind the"
             " cameras; give the left camera's picture first"
@@ -150,16 +150,8 @@ def rig_from_points(
 
 def vertical_errors(rig: Rig, points_left: Doubles, points_right: Doubles) -> Doubles:
     """(N,) row in the left picture less row in the right one, once rectified with `rig`, px."""
-    plan = plan_rectification(rig)
-    rows = []
-    for points, camera, turn in (
-        (points_left, rig.left, plan.rotation_left),
-        (points_right, rig.right, plan.rotation_right),
-    ):
-        turned = np.column_stack([undistort(points, camera), np.ones(len(points))]) @ turn.T
-        rows.append(plan.focal_px * turned[:, 1] / turned[:, 2] + plan.cy)
-    errors: Doubles = rows[0] - rows[1]
-    return errors
+    sides = undistort(points_left, rig.left), undistort(points_right, rig.right)
+    return find_rows(*sides, rig.R, rig.T, focal_length(rig)).vertical
 
 
 def _likeliest(left: Doubles, right: Doubles, size: tuple[int, int], focal: float) -> tuple[Rig, Fit]:
