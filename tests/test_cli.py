@@ -14,6 +14,7 @@ import pytest
 
 from stereo_gpu.cli import main
 from stereo_gpu.commands.pictures import split_pictures
+from stereo_gpu.errors import InputError
 from stereo_gpu.images import read_image, write_png
 from stereo_gpu.pfm import read_pfm
 from stereo_gpu.progress import Progress
@@ -225,6 +226,7 @@ def test_board_pictures_that_do_not_fit_are_refused(capsys, untouched, wrong, ra
     empty = tmp_path_factory.mktemp("empty")
     for pictures, says in (
         ([left] * 3 + [right] * 2, "5 pictures cannot be pairs"),
+        ([empty / "none"], "none is no folder of pairs"),
         ([left, right], "needs 3 or more"),
         ([empty, empty], "holds no picture"),
         ([empty / "*.png", empty / "*.png"], "no picture matches"),
@@ -234,6 +236,16 @@ def test_board_pictures_that_do_not_fit_are_refused(capsys, untouched, wrong, ra
         ([left] * 3 + [right, right, wrong / "lower.png"], "320 x 235"),
     ):
         refused(capsys, "calibrate", *pictures, *BOARD, "--out", "rig.json", says=[says])
+
+
+def test_a_folder_that_cannot_be_read(tmp_path, monkeypatch):
+    def refuse(_folder):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "iterdir", refuse)
+    for given in ([str(tmp_path)], [str(tmp_path)] * 2):
+        with pytest.raises(InputError, match="cannot be read: Permission denied"):
+            split_pictures(given)
 
 
 @pytest.mark.parametrize(

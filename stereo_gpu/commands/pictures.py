@@ -28,6 +28,10 @@ def split_pictures(given: Sequence[str]) -> tuple[list[Path], list[Path]]:
         return _split_folder(Path(given[0]))
     if len(given) == 2:
         return _expand(given[0]), _expand(given[1])
+    if len(given) == 1:
+        raise InputError(
+            f"{given[0]} is no folder: name the one with left and right pictures, or two folders or patterns"
+        )
     if len(given) % 2:
         raise InputError(f"{len(given)} pictures cannot be pairs: give all left ones, then as many right ones")
     half = len(given) // 2
@@ -35,7 +39,7 @@ def split_pictures(given: Sequence[str]) -> tuple[list[Path], list[Path]]:
 
 
 def _split_folder(folder: Path) -> tuple[list[Path], list[Path]]:
-    files = sorted(file for file in folder.iterdir() if file.suffix.lower() in PICTURE_SUFFIXES)
+    files = _list(folder)
     views = [{file.stem[len(side) :]: file for file in files if file.stem.startswith(side)} for side in SIDES]
     shared = [rest for rest in views[0] if rest in views[1]]
     if not shared:
@@ -46,10 +50,17 @@ def _split_folder(folder: Path) -> tuple[list[Path], list[Path]]:
     return [views[0][rest] for rest in shared], [views[1][rest] for rest in shared]
 
 
+def _list(folder: Path) -> list[Path]:
+    try:
+        return sorted(file for file in folder.iterdir() if file.suffix.lower() in PICTURE_SUFFIXES)
+    except OSError as error:
+        raise InputError(f"folder {folder} cannot be read: {error.strerror}; check its permissions") from error
+
+
 def _expand(name: str) -> list[Path]:
     path = Path(name)
     if path.is_dir():
-        found = sorted(file for file in path.iterdir() if file.suffix.lower() in PICTURE_SUFFIXES)
+        found = _list(path)
         if not found:
             raise InputError(f"folder {name} holds no picture: it needs files such as left01.png")
         return found
