@@ -86,7 +86,7 @@ def calibrate_in_full(
             fit = fit_pairs(found, sizes, board, models.chosen)
     else:
         fit = fit_pairs(found, sizes, board, coefficients)
-    covariance = shared_covariance(fit.bundle, fit.normal, fit.count)
+    covariance = shared_covariance(fit.normal, fit.count)
     deviations = find_deviations(fit.bundle, covariance)
     refuse_undetermined(fit, deviations, board, sizes)
     rig = make_rig(fit, sizes, board, deviations)

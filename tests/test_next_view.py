@@ -20,17 +20,16 @@ def fitted(bundle, seed):
     return found, linearise(found, corners), 2 * len(corners[0].seen)
 
 
-def advised(found, normal, count, places):
+def advised(found, normal, places):
     information = normal.reduced()[0].sum(axis=0)
-    variance = corner_variance(found, normal, count)
-    return find_next_view(found, information, variance, places, corner_pairs.SIZES, corner_pairs.BOARD)
+    return find_next_view(found, information, places, corner_pairs.SIZES, corner_pairs.BOARD)
 
 
 @pytest.fixture(scope="module")
 def few():
     found, normal, count = fitted(corner_pairs.truth(5, seed=6, tilt=0.3), 6)
     places = working_places(found, corner_pairs.SIZES, [400.0, 650.0])
-    return found, normal, count, places, advised(found, normal, count, places)
+    return found, normal, count, places, advised(found, normal, places)
 
 
 def test_it_lies_in_both_pictures(few):
@@ -52,7 +51,7 @@ def test_taking_it_gains_what_was_promised(few):
     )
     after = fitted(more, 7)
     deviations = [
-        depth_deviations(depth_slopes(bundle, places), shared_covariance(bundle, there, corners))
+        depth_deviations(depth_slopes(bundle, places), shared_covariance(there, corners))
         for bundle, there, corners in ((found, normal, count), after)
     ]
     gained = 1 - np.exp(np.log(deviations[1] / deviations[0]).mean())
@@ -62,7 +61,7 @@ def test_taking_it_gains_what_was_promised(few):
 
 def test_it_beats_views_like_those_before(few):
     found, normal, count, places, following = few
-    variance = corner_variance(found, normal, count)
+    variance = corner_variance(normal, count)
     information = normal.reduced()[0].sum(axis=0)
     slopes = depth_slopes(found, places)
     now = depth_deviations(slopes, variance * np.linalg.inv(information))
@@ -82,4 +81,4 @@ def test_words(few):
 def test_advice_ends_when_nothing_gains(few):
     found, normal, _, places, _ = few
     information = 1e6 * normal.reduced()[0].sum(axis=0)  # as if every view had been taken so often
-    assert find_next_view(found, information, 0.01, places, corner_pairs.SIZES, corner_pairs.BOARD) is None
+    assert find_next_view(found, information, places, corner_pairs.SIZES, corner_pairs.BOARD) is None

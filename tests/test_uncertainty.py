@@ -35,7 +35,7 @@ def trials():
     for seed in range(TRIALS):
         corners = corner_pairs.corners_of(bundle, seed, NOISE_PX)
         fitted = refine(bundle, corners, settled=1e-8)
-        covariance = shared_covariance(fitted, linearise(fitted, corners), 2 * len(corners[0].seen))
+        covariance = shared_covariance(linearise(fitted, corners), 2 * len(corners[0].seen))
         found.append([*fitted.lenses[0], *fitted.lenses[1], *cv2.Rodrigues(fitted.R)[0].reshape(3), *fitted.T])
         told.append(flat(find_deviations(fitted, covariance)))
         bundles.append((fitted, covariance))
@@ -82,7 +82,7 @@ def test_more_views_are_more_certain(trials):
     twice = corner_pairs.truth(24, seed=3)
     corners = corner_pairs.corners_of(twice, 1, NOISE_PX)
     fitted = refine(twice, corners)
-    covariance = shared_covariance(fitted, linearise(fitted, corners), 2 * len(corners[0].seen))
+    covariance = shared_covariance(linearise(fitted, corners), 2 * len(corners[0].seen))
     assert (flat(find_deviations(fitted, covariance)) < np.median(told, axis=0)).all()
     assert len(bundle.rotations) == 6
 

@@ -12,7 +12,7 @@ from stereo_gpu.calibration.fit import Fit
 from stereo_gpu.calibration.lenses import SIDES, seen_by
 from stereo_gpu.calibration.movement import out_of_step
 from stereo_gpu.calibration.next_view import find_next_view
-from stereo_gpu.calibration.uncertainty import corner_variance, working_places
+from stereo_gpu.calibration.uncertainty import working_places
 from stereo_gpu.calibration.undetermined import UNDETERMINED, undetermined
 from stereo_gpu.deviations import Deviations
 from stereo_gpu.rig import DISTORTION_COUNTS, Rig
@@ -81,10 +81,9 @@ def advise(fit: Fit, rig: Rig, deviations: Deviations, board: Board) -> tuple[st
         if ours
     ]
     information, _ = fit.normal.reduced()
-    variance = corner_variance(fit.bundle, fit.normal, fit.count)
     depths = fit.bundle.translations[:, 2]
     places = working_places(fit.bundle, sizes, [float(depths.min()), float(depths.max())])
-    following = find_next_view(fit.bundle, information.sum(axis=0), variance, places, sizes, board)
+    following = find_next_view(fit.bundle, information.sum(axis=0), places, sizes, board)
     if following is not None:
         told.append(following.told(board.unit))
     return tuple(told)

@@ -103,6 +103,5 @@ def _standard_error(errors: dict[int, Doubles], one: int, other: int) -> float:
 
 def _deviations(bundle: Bundle, fit: Fit) -> Doubles:
     """(6,) of om and T."""
-    normal = linearise(bundle, fit.corners)
-    found = find_deviations(bundle, shared_covariance(bundle, normal, fit.count))
+    found = find_deviations(bundle, shared_covariance(linearise(bundle, fit.corners), fit.count))
     return np.concatenate([found.om, found.T])

@@ -8,6 +8,7 @@ import numpy as np
 
 from stereo_gpu.calibration.bundle import POSE, Normal, scaled_inverse
 from stereo_gpu.calibration.pairing import Proposals
+from stereo_gpu.calibration.uncertainty import corner_variance
 from stereo_gpu.types import Doubles
 
 FEWEST_IN_GROUP = 3  # fewer pairs at one end are outliers rather than another rig
@@ -80,7 +81,7 @@ def find_move(normal: Normal, corners: int) -> Move | None:
     views, size = gradient.shape
     if views < 2 * FEWEST_IN_GROUP:
         return None
-    variance = normal.squares / max(1, 2 * corners - size - POSE * views)
+    variance = corner_variance(normal, corners)
     between = slice(size - POSE, size)
     every = _taken_by_single_views(information, gradient)
     best: Move | None = None

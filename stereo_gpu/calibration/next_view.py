@@ -69,7 +69,6 @@ class NextView:
 def find_next_view(
     bundle: Bundle,
     information: Doubles,
-    variance: float,
     places: Doubles,
     sizes: Sequence[tuple[int, int]],
     board: Board,
@@ -79,7 +78,6 @@ def find_next_view(
     Args:
         bundle: the fit.
         information: (P, P) of what all views share, from all views so far, per px² of variance.
-        variance: of a corner's coordinates, px².
         places: (k, 3) where depth is to be certain, left camera's frame.
         sizes: of the left and the right pictures, px.
         board: what is held.
@@ -104,8 +102,9 @@ def find_next_view(
     even, scaled = information / np.outer(scale, scale), slopes / scale
 
     def certainty(more: Doubles) -> float:
-        # The mean of logarithms: every place counts by what it gains, or the worst ones alone would decide.
-        covariance = variance * scaled_inverse(even + more / np.outer(scale, scale))
+        # The mean of logarithms: every place counts by what it gains, or the worst ones alone would decide. A corner's
+        # variance is left out, since only differences count.
+        covariance = scaled_inverse(even + more / np.outer(scale, scale))
         return -float(np.log(depth_deviations(scaled, covariance)).mean())
 
     later = np.array([certainty(more) for more in brought])

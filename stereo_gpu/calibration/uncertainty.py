@@ -30,20 +30,21 @@ from stereo_gpu.types import Doubles
 GRID = (0.1, 0.3, 0.5, 0.7, 0.9)  # of the left picture's width and height, where depth is looked at
 
 
-def corner_variance(bundle: Bundle, normal: Normal, corners: int) -> float:
+def corner_variance(normal: Normal, corners: int) -> float:
     """Variance of a corner's coordinates, px², from the residuals; `corners` is their number in both pictures."""
-    free = 2 * corners - bundle.shared - POSE * len(bundle.rotations)
+    views, shared = normal.gradient.shape
+    free: int = 2 * corners - shared - POSE * views
     return normal.squares / max(1, free)
 
 
-def shared_covariance(bundle: Bundle, normal: Normal, corners: int) -> Doubles:
+def shared_covariance(normal: Normal, corners: int) -> Doubles:
     """(P, P) covariance of the numbers that all views share; R's is that of a small turn after it.
 
     Raises:
         CalibrationError: something was not seen at all.
     """
     information, _ = normal.reduced()
-    return corner_variance(bundle, normal, corners) * scaled_inverse(information.sum(axis=0))
+    return corner_variance(normal, corners) * scaled_inverse(information.sum(axis=0))
 
 
 def focal_share(lens: Doubles, rotations: Doubles, translations: Doubles, corners: Corners) -> float:

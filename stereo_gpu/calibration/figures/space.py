@@ -160,7 +160,7 @@ def _cameras(calibration: Calibration, depth: float) -> list[Thing]:
     rig = calibration.rig
     centre = -rig.R.T @ rig.T
     # Long enough to be seen from the farthest board, short enough that the two do not run into each other.
-    length = float(np.clip(0.5 * rig.baseline, 0.06 * depth, max(0.2 * depth, 0.06 * depth)))
+    length = float(np.clip(0.5 * rig.baseline, 0.06 * depth, 0.2 * depth))
     middle = centre / 2
     things = []
     for name, camera, rotation, place in (
