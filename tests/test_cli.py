@@ -226,7 +226,7 @@ def test_board_pictures_that_do_not_fit_are_refused(capsys, untouched, wrong, ra
     empty = tmp_path_factory.mktemp("empty")
     for pictures, says in (
         ([left] * 3 + [right] * 2, "5 pictures cannot be pairs"),
-        ([empty / "none"], "none is no folder of pairs"),
+        ([empty / "none"], "none is no folder: name"),
         ([left, right], "needs 3 or more"),
         ([empty, empty], "holds no picture"),
         ([empty / "*.png", empty / "*.png"], "no picture matches"),
