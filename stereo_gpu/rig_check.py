@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from stereo_gpu.epipolar.consensus import ENOUGH, agree_without_rig, agreeing, enough
 from stereo_gpu.epipolar.drift import drifted, fit_drift
 from stereo_gpu.epipolar.error_map import ErrorMap, map_errors
-from stereo_gpu.epipolar.faults import BEHIND, Fault, explain, share_behind
+from stereo_gpu.epipolar.faults import BEHIND, Explanation, Fault, explain, share_behind
 from stereo_gpu.epipolar.features import WORKING_SIDE, match_features
 from stereo_gpu.epipolar.rows import Rows, find_rows, focal_length, rays
 from stereo_gpu.epipolar.sharpen import sharpen_matches
@@ -137,16 +137,8 @@ def check_rig(left: Picture, right: Picture, rig: Rig) -> RigCheck:
     errors = np.abs(rows.vertical)
     error = float(np.median(errors))
     cells = map_errors(points_left, rows.vertical, size)
-    verdict = Verdict.GOOD if error <= WARN_PX else Verdict.DOUBTFUL if error <= REFUSE_PX else Verdict.BAD
     behind = share_behind(rows)
-    if found.fault is Fault.SWAPPED or behind > BEHIND:
-        verdict = Verdict.BAD
-    where = "" if cells.share >= SMALL_SHARE else f", which fill only {cells.share:.0%} of the frame"
-    says = f"rows differ by {error:.2f} px (median of {len(errors)} features{where})"
-    if found.says:
-        says += f": {'good enough, but ' if verdict is Verdict.GOOD else ''}{found.says}; {found.mend}"
-    elif verdict is Verdict.GOOD:
-        says += ": the rig is good"
+    verdict = _judge(error, found.fault, behind)
     return RigCheck(
         matches=matches,
         vertical_px=error,
@@ -154,7 +146,7 @@ def check_rig(left: Picture, right: Picture, rig: Rig) -> RigCheck:
         bias_px=float(np.median(rows.vertical)),
         behind=behind,
         verdict=verdict,
-        says=says,
+        says=_in_words(verdict, found, error, len(errors), cells.share),
         fault=found.fault,
         amount=found.amount,
         map=cells,
@@ -199,6 +191,22 @@ def _spread(good: NDArray[np.bool_]) -> NDArray[np.intp]:
     """Numbers of MOST good matches or fewer: the points are sorted by place, so that every n-th are spread as all."""
     known = np.flatnonzero(good)
     return known[:: -(-len(known) // MOST)]
+
+
+def _judge(error: float, fault: Fault, behind: float) -> Verdict:
+    """The verdict on a median error, px: its cause does not make it worse unless points lie behind the cameras."""
+    if fault is Fault.SWAPPED or behind > BEHIND or error > REFUSE_PX:
+        return Verdict.BAD
+    return Verdict.DOUBTFUL if error > WARN_PX else Verdict.GOOD
+
+
+def _in_words(verdict: Verdict, found: Explanation, error: float, features: int, share: float) -> str:
+    """The error, its cause and the way out; `share` is that of the frame's cells with features."""
+    where = "" if share >= SMALL_SHARE else f", which fill only {share:.0%} of the frame"
+    says = f"rows differ by {error:.2f} px (median of {features} features{where})"
+    if found.says:
+        return f"{says}: {'good enough, but ' if verdict is Verdict.GOOD else ''}{found.says}; {found.mend}"
+    return f"{says}: the rig is good" if verdict is Verdict.GOOD else says
 
 
 def _no_rows(matches: int, used: int, size: tuple[int, int], *, other: bool) -> RigCheck:
