@@ -16,6 +16,7 @@ import pytest
 from camera_server import Cameras, number_of, numbered
 
 from stereo_gpu.capture import capture
+from stereo_gpu.commands import recording_terminal
 from stereo_gpu.commands.recording_terminal import stopping_on_signals
 from stereo_gpu.errors import CameraError, InputError
 from stereo_gpu.images import read_image
@@ -111,15 +112,27 @@ def test_interrupted_in_the_middle(film, tmp_path, number):
 def test_a_recording_under_nohup_outlives_its_terminal():
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
-        stop = threading.Event()
-        with stopping_on_signals(stop) as came:
+        with stopping_on_signals() as stop:
             signal.raise_signal(signal.SIGHUP)
-            assert not came and not stop.is_set()
+            assert not stop.signals and not stop.is_set()
             signal.raise_signal(signal.SIGTERM)
-            assert came == [signal.SIGTERM] and stop.is_set()
+            assert stop.signals == [signal.SIGTERM] and stop.is_set()
         assert signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
     finally:
         signal.signal(signal.SIGHUP, before)
+
+
+def test_a_signal_is_taken_wherever_the_program_is(monkeypatch):
+    with stopping_on_signals() as stop:
+        # In the middle of the event's own `set`, whose lock nobody can have twice.
+        with stop._cond:
+            signal.raise_signal(signal.SIGINT)
+            assert stop.is_set()
+        signal.raise_signal(signal.SIGTERM)  # the same Ctrl-C, passed on
+        assert stop.signals == [signal.SIGINT, signal.SIGTERM]
+        monkeypatch.setattr(recording_terminal, "ECHO_S", -1.0)
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
 
 
 @pytest.mark.parametrize(("limit", "fewest"), [(3000, 3), (200, 0)])

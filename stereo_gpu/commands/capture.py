@@ -6,7 +6,6 @@ import argparse
 import shlex
 import signal
 import sys
-import threading
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -84,13 +83,12 @@ def run(options: argparse.Namespace) -> None:
         lock=options.lock,
         fourcc=options.fourcc,
     )
-    stop = threading.Event()
     with ExitStack() as stack:
         chooser, status = _chooser(options, stack)
         lines = Lines(count, each=not options.every, status=status)
         stack.callback(lines.close)
         # Innermost: what is on the way is written, and the terminal is set back, before the signal has its effect.
-        signals = stack.enter_context(stopping_on_signals(stop))
+        stop = stack.enter_context(stopping_on_signals())
         recording = capture(
             options.left,
             options.right,
@@ -105,12 +103,12 @@ def run(options: argparse.Namespace) -> None:
             on_pair=lines.pair,
             on_status=lines.status,
         )
-    if recording.dropped and not recording.seen and not signals:
+    if recording.dropped and not recording.seen and not stop.signals:
         raise InputError(
             f"no pair was taken: the skews of all {recording.dropped} were above the limit; set both cameras to one"
             " --fps, or raise --max-skew if nothing moves before them"
         )
-    if any(recording.unmatched) and not recording.seen and not signals:
+    if any(recording.unmatched) and not recording.seen and not stop.signals:
         raise InputError(
             f"no pair was taken: by their times, no pictures of {options.left} and {options.right} belong together;"
             " give two recordings of the same moments"
@@ -120,7 +118,7 @@ def run(options: argparse.Namespace) -> None:
         _say_what_is_missing(chooser)
         if chooser.done:
             print(f"go on with: {_calibrate_command(options)}")
-    if signals and (count is not None or signal.SIGTERM in signals):
+    if stop.signals and (count is not None or signal.SIGTERM in stop.signals):
         # Where no count was asked for, Ctrl-C is the way to end.
         raise KeyboardInterrupt
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from stereo_gpu.recording.pair_writer import Taken
 
 REDRAW_S = 0.1
+ECHO_S = 0.5  # programs that start others pass on a Ctrl-C which the terminal has sent to all of them
 
 
 class Lines:
@@ -52,16 +53,37 @@ class Lines:
             print(CLEAR_LINE, end="", file=sys.stderr, flush=True)
 
 
+class SignalledStop(threading.Event):
+    """An event that signals set, too.
+
+    Attributes:
+        signals: those that came. Its handler adds to them and takes no lock: a handler runs wherever the main thread
+            is, in `set` or in another handler as well, and would wait for itself there.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.signals: list[int] = []
+
+    def is_set(self) -> bool:
+        """Whether a signal came or somebody called `set`."""
+        return bool(self.signals) or super().is_set()
+
+
 @contextmanager
-def stopping_on_signals(stop: threading.Event) -> Iterator[list[int]]:
-    """Let the first signal to end set `stop`; a second one ends at once. Gives the signals that came."""
-    came: list[int] = []
+def stopping_on_signals() -> Iterator[SignalledStop]:
+    """An event that the first signal to end sets; a second one, later than the first one's echo, ends at once."""
+    stop = SignalledStop()
+    first_s = 0.0
 
     def handle(number: int, _: Any) -> None:
-        came.append(number)
-        if stop.is_set():
+        nonlocal first_s
+        now = time.monotonic()
+        if not stop.signals:
+            first_s = now
+        stop.signals.append(number)
+        if now - first_s > ECHO_S:
             raise KeyboardInterrupt
-        stop.set()
 
     wanted = [signal.SIGINT, signal.SIGTERM]
     # Ignored under nohup, which is there so that a recording outlives its terminal; Windows has no such signal.
@@ -69,7 +91,7 @@ def stopping_on_signals(stop: threading.Event) -> Iterator[list[int]]:
         wanted.append(signal.SIGHUP)
     before = {number: signal.signal(number, handle) for number in wanted}
     try:
-        yield came
+        yield stop
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
