@@ -133,8 +133,7 @@ class Rig:
             raise InputError(f"R is no rotation: it {detail}; {MEND}")
         if not math.hypot(*translation) > 0:
             raise InputError(f"T is {translation.tolist()}: the cameras stand at one point; {MEND}")
-        if not (isinstance(self.unit, str) and 0 < len(self.unit) <= 16 and self.unit.isprintable()):
-            raise InputError(f"unit is {self.unit!r:.60}: name a unit of length such as mm")
+        check_unit(self.unit)
         if self.deviations is not None:
             _check_deviations(self.deviations, self.left, self.right)
         object.__setattr__(self, "R", rotation)
@@ -182,6 +181,16 @@ class Rig:
             return _rig(content)
         except InputError as error:
             raise InputError(f"{path}: {error}") from error
+
+
+def check_unit(unit: object) -> None:
+    """Refuse what names no unit of length.
+
+    Raises:
+        InputError: it is no text of 1 to 16 signs that can be shown.
+    """
+    if not (isinstance(unit, str) and 0 < len(unit) <= 16 and unit.isprintable()):
+        raise InputError(f"unit is {unit!r:.60}: name a unit of length such as mm")
 
 
 def _rig(content: dict[str, Any]) -> Rig:

@@ -66,6 +66,12 @@ def test_no_such_board(columns, rows, square, told):
         Board(columns, rows, square)
 
 
+@pytest.mark.parametrize("unit", ["", None, 25.4, "m" * 17, "m\n"])
+def test_no_such_unit(unit):
+    with pytest.raises(InputError, match="name a unit of length such as mm"):
+        Board(10, 7, 30.0, unit)
+
+
 def test_corners_are_found_to_a_few_hundredths_of_a_pixel(view):
     picture, truth = view
     corners = BOARD.find(picture).corners

@@ -155,7 +155,7 @@ def test_a_photo_of_the_print_calibrates(tmp_path):
         (sg.Board(10, 7, 3.0, "furlong"), "b.pdf", "a4", "board unit 'furlong' has no length on paper"),
         (sg.Board(200, 200, 30.0), "b.pdf", "fit", "5080 mm is the limit: take smaller squares"),
         (sg.Board(160, 160, 30.0), "b.png", "fit", "too many dots for a PNG: name a file that ends in .pdf"),
-        (sg.Board(10, 7, 1e300), "b.pdf", "fit", "needs a page of 1e+301 x 7e+300 mm"),
+        (sg.Board(10, 7, 1e6), "b.pdf", "fit", "needs a page of 1e+07 x 7.00002e+06 mm"),
         (sg.Board(10, 7, 0.4), "b.pdf", "fit", "squares of 0.4 mm are too small to print: take 0.5 mm or more"),
         (CharucoBoard(10, 7, 0.5, 0.3), "b.png", "fit", "too small for the dots of a PNG"),
     ],

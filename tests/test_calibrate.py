@@ -164,6 +164,10 @@ def test_lists_that_cannot_be_pairs(taken):
         calibrate(left, right[1:], BOARD)
     with pytest.raises(CalibrationError, match="2 pairs: a calibration needs 3 or more"):
         calibrate(left[:2], right[:2], BOARD)
+    with pytest.raises(CalibrationError, match="1 pair: a calibration needs 3 or more"):
+        calibrate(left[:1], right[:1], BOARD)
+    with pytest.raises(InputError, match=r"board is '9x7': give one such as Board"):
+        calibrate(left, right, "9x7")
     with pytest.raises(InputError, match="left is a single picture"):
         calibrate("left.png", ["right.png"], BOARD)
     with pytest.raises(InputError, match="right is a single picture"):

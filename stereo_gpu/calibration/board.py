@@ -14,6 +14,7 @@ from stereo_gpu.calibration.hints import Hint
 from stereo_gpu.calibration.marker_hints import hint_unexpected_markers
 from stereo_gpu.errors import InputError
 from stereo_gpu.images import grey
+from stereo_gpu.rig import check_unit
 from stereo_gpu.types import Floats, Ints, Picture
 
 MOST_SQUARES = 200
@@ -89,6 +90,7 @@ class Board:
         if not SIDES_OF_SQUARES[0] <= square <= SIDES_OF_SQUARES[1]:
             raise InputError(f"board square is {self.square!r:.60}: give the side of one square, such as 30.0 mm")
         object.__setattr__(self, "square", square)
+        check_unit(self.unit)
 
     @classmethod
     def parse(cls, text: str, square: float, unit: str = "mm") -> Board:

@@ -65,7 +65,7 @@ def find_pairs(
         Every pair, in the order given, and the size (width, height) of the left and the right pictures.
 
     Raises:
-        InputError: the lists do not fit each other.
+        InputError: the lists do not fit each other, or `board` is none.
         PictureError: a picture cannot be read, or differs in size from the others of its camera.
         CalibrationError: too few pairs show the board; the message says which board they show instead.
     """
@@ -76,8 +76,11 @@ def find_pairs(
             f"{count} left pictures but {len(sources[1])} right ones: give one right picture for each left one,"
             " in the same order"
         )
+    if not isinstance(board, Board):
+        raise InputError(f"board is {board!r:.60}: give one such as Board(10, 7, 30.0)")
     if count < FEWEST_PAIRS:
-        raise CalibrationError(f"{count} pairs: a calibration needs {FEWEST_PAIRS} or more, better 15")
+        given = "1 pair" if count == 1 else f"{count} pairs"
+        raise CalibrationError(f"{given}: a calibration needs {FEWEST_PAIRS} or more, better 15")
     first = np.unique(np.linspace(0, count - 1, SURVEYED_PAIRS).astype(int)).tolist()
     sizes: list[tuple[int, int]] = []
     hints: list[Hint | None] = []
