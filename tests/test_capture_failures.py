@@ -135,6 +135,26 @@ def test_a_signal_is_taken_wherever_the_program_is(monkeypatch):
             signal.raise_signal(signal.SIGINT)
 
 
+def test_all_that_was_taken_is_written_when_nobody_can_be_told(film, tmp_path, monkeypatch):
+    class Closed:
+        def write(self, text):
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    monkeypatch.setattr(sys, "stdout", Closed())
+    stop, chosen = threading.Event(), []
+
+    class Every:
+        done, status = False, ""
+
+        def choose(self, frame):
+            chosen.append(frame.number)
+            return True
+
+    lines = recording_terminal.Lines(None, each=True, status=False, stop=stop)
+    recording = capture(film, film, tmp_path, chooser=Every(), count=None, stop=stop, on_pair=lines.pair)
+    assert recording.ended == "stopped" and recording.taken == len(chosen) == len(whole(tmp_path)) >= 1
+
+
 @pytest.mark.parametrize(("limit", "fewest"), [(3000, 3), (200, 0)])
 def test_a_full_disk_stops_cleanly(film, tmp_path, limit, fewest):
     # The kernel lets no file grow beyond the limit: the list of pairs, or the first picture.

@@ -85,10 +85,10 @@ def run(options: argparse.Namespace) -> None:
     )
     with ExitStack() as stack:
         chooser, status = _chooser(options, stack)
-        lines = Lines(count, each=not options.every, status=status)
-        stack.callback(lines.close)
-        # Innermost: what is on the way is written, and the terminal is set back, before the signal has its effect.
+        # What is on the way is written, and the terminal is set back, before a signal has its effect.
         stop = stack.enter_context(stopping_on_signals())
+        lines = Lines(count, each=not options.every, status=status, stop=stop)
+        stack.callback(lines.close)
         recording = capture(
             options.left,
             options.right,

@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 from stereo_gpu.progress import CLEAR_LINE
 
@@ -20,10 +20,18 @@ ECHO_S = 0.5  # programs that start others pass on a Ctrl-C which the terminal h
 
 
 class Lines:
-    """What the terminal shows while pairs are taken: a line for each, and one that is redrawn below."""
+    """What the terminal shows while pairs are taken: a line for each, and one that is redrawn below.
 
-    def __init__(self, count: int | None, each: bool, status: bool) -> None:
+    Args:
+        count: how many are to be taken, if that is limited.
+        each: whether every pair gets a line.
+        status: whether what is waited for is shown.
+        stop: is set when nobody can be told any more, so that what was taken is still written.
+    """
+
+    def __init__(self, count: int | None, *, each: bool, status: bool, stop: threading.Event) -> None:
         self._count = count
+        self._stop = stop
         self._each = each
         self._drawn = status and sys.stderr.isatty()
         self._taken = 0
@@ -34,7 +42,9 @@ class Lines:
         self._taken += 1
         if self._each:
             self._clear()
-            print(f"pair {pair.number}: {pair.left.name}, {pair.right.name}, skew {pair.skew_ms:.1f} ms", flush=True)
+            self._print(
+                f"pair {pair.number}: {pair.left.name}, {pair.right.name}, skew {pair.skew_ms:.1f} ms\n", sys.stdout
+            )
 
     def status(self, text: str) -> None:
         """Show what is waited for, some times a second."""
@@ -42,7 +52,7 @@ class Lines:
         if self._drawn and now - self._drawn_s >= REDRAW_S:
             self._drawn_s = now
             of = "" if self._count is None else f" of {self._count}"
-            print(f"{CLEAR_LINE}{self._taken}{of} taken; {text}", end="", file=sys.stderr, flush=True)
+            self._print(f"{CLEAR_LINE}{self._taken}{of} taken; {text}", sys.stderr)
 
     def close(self) -> None:
         """Leave the line empty."""
@@ -50,7 +60,13 @@ class Lines:
 
     def _clear(self) -> None:
         if self._drawn:
-            print(CLEAR_LINE, end="", file=sys.stderr, flush=True)
+            self._print(CLEAR_LINE, sys.stderr)
+
+    def _print(self, text: str, stream: TextIO) -> None:
+        try:
+            print(text, end="", file=stream, flush=True)
+        except OSError:  # the terminal is closed, or whoever read our output has had enough
+            self._stop.set()
 
 
 class SignalledStop(threading.Event):
