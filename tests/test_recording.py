@@ -31,7 +31,7 @@ LIMIT_S = 60
 def film(tmp_path_factory):
     path = tmp_path_factory.mktemp("film") / "film.mp4"
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 60.0, (64, 48))
-    for number in range(30):
+    for number in range(600):  # longer than a busy computer takes to read three lines of input
         writer.write(numbered(number, (64, 48)))
     writer.release()
     return str(path)
