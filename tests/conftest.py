@@ -48,6 +48,16 @@ def data():
 
 
 @pytest.fixture(scope="session")
+def board_calibration(data):
+    """The 13 real pairs of board_10x7, calibrated in full; several tests ask for it, and it takes seconds."""
+    from stereo_gpu.calibrate import calibrate_in_full
+    from stereo_gpu.calibration.board import Board
+
+    folder = data / "calibration" / "board_10x7"
+    return calibrate_in_full(*(sorted(folder.glob(f"{side}*.jpg")) for side in ("left", "right")), Board(10, 7, 30.0))
+
+
+@pytest.fixture(scope="session")
 def small_scene():
     """The built-in scene at 320 x 240, whose true cameras spare a test the calibration."""
     return build_scene((320, 240))

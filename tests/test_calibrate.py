@@ -235,12 +235,10 @@ def test_what_is_told_besides(taken):
     assert "fx, px" in text and "+-" in text and "5 coefficients; error on views left out" in text
 
 
-def test_published_rig_of_the_matlab_toolbox(data, tmp_path):
-    folder = data / "calibration" / "board_10x7"
-    published = json.loads((folder / "published.json").read_text())
-    board = Board(columns=10, rows=7, square=published["square_mm"])
-    calibration = calibrate_in_full(sorted(folder.glob("left*.jpg")), sorted(folder.glob("right*.jpg")), board)
-    rig, deviations = calibration.rig, calibration.deviations
+def test_published_rig_of_the_matlab_toolbox(data, board_calibration, tmp_path):
+    published = json.loads((data / "calibration" / "board_10x7" / "published.json").read_text())
+    assert board_calibration.board.square == published["square_mm"]
+    rig, deviations = board_calibration.rig, board_calibration.deviations
     assert [view.used for view in rig.views] == [True] * 13
     assert rig.rms_px <= 0.30
     assert max(rig.left.rms_px, rig.right.rms_px) <= 0.25
@@ -257,7 +255,7 @@ def test_published_rig_of_the_matlab_toolbox(data, tmp_path):
             )
         np.testing.assert_array_less(np.abs(ours - theirs), 2 * np.array(told))
         np.testing.assert_allclose(three, told, rtol=0.2)
-    assert calibration.models.chosen == 5
+    assert board_calibration.models.chosen == 5
     np.testing.assert_array_equal(Rig.load(rig.save(tmp_path / "rig.json")).T, rig.T)
 
 

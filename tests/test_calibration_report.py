@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from pages import Page
 
-from stereo_gpu.calibrate import calibrate_in_full
 from stereo_gpu.calibration.board import Board
 from stereo_gpu.calibration.charuco import CharucoBoard
 from stereo_gpu.calibration.figures.coverage import measure_coverage
@@ -331,15 +330,12 @@ def test_a_page_that_cannot_be_written_leaves_nothing(tmp_path):
     assert not list(tmp_path.iterdir())
 
 
-def test_real_boards(data, tmp_path):
-    folder = data / "calibration" / "board_10x7"
-    left, right = (sorted(folder.glob(f"{side}*.jpg")) for side in ("left", "right"))
-    calibration = calibrate_in_full(left, right, Board(10, 7, 30.0), coefficients=5)
-    page, text = write(tmp_path, calibration)
+def test_real_boards(board_calibration, tmp_path):
+    page, text = write(tmp_path, board_calibration)
     assert len(text) < 600_000
     assert all(math.isfinite(number) for number in drawn_numbers(page))
-    for picture in [*left, *right]:
-        assert page.text.count(picture.name) >= 2
+    for view in board_calibration.views:
+        assert page.text.count(view.left) >= 2 and page.text.count(view.right) >= 2
     assert "13 of 13" in page.text and "702 corners" in page.text
 
 

@@ -98,12 +98,11 @@ def test_enlarged_real_pair(data):
     assert last - first <= WIDER * 4 * (most - least)
 
 
-def test_boards(data):
+def test_boards(data, board_calibration):
     """The true disparities of a board's corners lie in the range of every one of the 13 pairs."""
     folder = data / "calibration" / "board_10x7"
     lefts, rights = (sorted(folder.glob(f"{side}*.jpg")) for side in ("left", "right"))
-    board = sg.Board(10, 7, 30.0)
-    rig = sg.calibrate(lefts, rights, board)
+    rig = board_calibration.rig
     measured = 0
     for names in zip(lefts, rights, strict=True):
         pair = sg.rectify(*(read_image(name) for name in names), rig)

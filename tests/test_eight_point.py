@@ -6,7 +6,6 @@ import pytest
 import two_views
 
 import stereo_gpu as sg
-from stereo_gpu.calibrate import calibrate_in_full
 from stereo_gpu.epipolar.eight_point import eight_point
 from stereo_gpu.epipolar.fundamental import find_fundamental
 from stereo_gpu.epipolar.points import sampson_distances, symmetric_distances
@@ -24,13 +23,10 @@ def off(F, other):
 
 
 @pytest.fixture(scope="module")
-def boards(data):
+def boards(board_calibration):
     """The calibration of the 13 real board pairs, with their corners."""
-    folder = data / "calibration" / "board_10x7"
-    sides = [sorted(folder.glob(f"{side}*.jpg")) for side in ("left", "right")]
-    calibration = calibrate_in_full(*sides, BOARD)
-    assert len(calibration.views) == 13
-    return calibration.rig, [[side.astype(float) for side in view.seen] for view in calibration.views]
+    assert len(board_calibration.views) == 13
+    return board_calibration.rig, [[side.astype(float) for side in view.seen] for view in board_calibration.views]
 
 
 @pytest.mark.parametrize(("count", "noise"), [(8, 0.0), (9, 0.0), (20, 0.2), (500, 0.0), (500, 0.5)])

@@ -13,7 +13,6 @@ from calibration_files import KITTI_ODOMETRY, KITTI_RAW, MIDDLEBURY, make_rig, s
 from scipy.io import loadmat, savemat
 
 import stereo_gpu as sg
-from stereo_gpu.calibrate import calibrate
 from stereo_gpu.cli import main
 from stereo_gpu.errors import InputError
 from stereo_gpu.rig_files.load import load_rig_for
@@ -123,13 +122,11 @@ def test_the_published_rig_of_the_cup(data):
     assert (rig.left.rms_px, rig.right.rms_px, rig.unit) == (0.19282812855544398, 0.26343174434579092, "mm")
 
 
-def test_board_10x7_by_way_of_the_toolboxs_layout(data, tmp_path):
-    folder = data / "calibration" / "board_10x7"
-    left, right = (sorted(folder.glob(f"{side}*")) for side in ("left", "right"))
-    rig = calibrate(left, right, sg.Board(columns=10, rows=7, square=30.0))
+def test_board_10x7_by_way_of_the_toolboxs_layout(data, board_calibration, tmp_path):
+    rig = board_calibration.rig
     back = sg.load_rig(*sg.save_rig(rig, tmp_path / "Calib_Results_stereo.mat"))
     assert same(back, rig)
-    published = json.loads((folder / "published.json").read_text())
+    published = json.loads((data / "calibration" / "board_10x7" / "published.json").read_text())
     assert (np.abs(back.T - published["T_mm"]) <= 2 * np.array(published["T_uncertainty_mm"])).all()
     om = cv2.Rodrigues(back.R)[0].ravel()
     assert (np.abs(om - published["om_rad"]) <= 2 * np.array(published["om_uncertainty_rad"])).all()
