@@ -73,6 +73,21 @@ def test_equal_devices_have_names_of_their_own():
     )
 
 
+QUIET = """
+from stereo_gpu.backends import open_backend, opencl
+opencl.source = lambda kernel, form: "kernel void grey(global int *out) { if (out[0] = 1) out[1] = 2; }"
+open_backend("opencl")._kernel("grey", "uchar")
+"""
+
+
+def test_warnings_of_the_compiler_stay_off_the_terminal(tmp_path):
+    fresh = {"POCL_CACHE_DIR": str(tmp_path), "PYOPENCL_NO_CACHE": "1"}
+    done = subprocess.run(
+        [sys.executable, "-c", QUIET], env={**os.environ, **fresh}, check=True, capture_output=True, text=True
+    )
+    assert done.stdout + done.stderr == ""
+
+
 def test_an_unknown_processor_is_named_by_its_instructions():
     import pyopencl as cl
 

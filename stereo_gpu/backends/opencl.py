@@ -231,7 +231,9 @@ class OpenCLBackend(Backend):
     def _kernel(self, kernel: str, pixel: str) -> cl.Kernel:
         if (kernel, pixel) not in self._kernels:
             text = source(kernel, self.form)
-            options = ["-cl-std=CL1.2", *pocl.build_options(self._device), *([f"-DPIXEL={pixel}"] if pixel else [])]
+            # Without -w PoCL's compiler counts its warnings on the user's terminal when it first builds a kernel.
+            options = ["-cl-std=CL1.2", "-w", *pocl.build_options(self._device)]
+            options += [f"-DPIXEL={pixel}"] if pixel else []
             if self._simulated:
                 text, options = oclgrind.PRELUDE + text, [*options, *oclgrind.BUILD_OPTIONS]
             with warnings.catch_warnings():
