@@ -177,7 +177,7 @@ def _count_in(chooser: BoardChooser, folder: Path) -> None:
         if right.is_file():
             known += chooser.count_in(read_image(left), read_image(right))
     if known:
-        print(f"stereo-gpu: pairs with the board that are in {folder} and count: {known}", file=sys.stderr, flush=True)
+        print(f"stereo-gpu: {known} pairs with the board are in {folder} and count", file=sys.stderr, flush=True)
 
 
 def _sum_up(recording: Recording, options: argparse.Namespace) -> None:
