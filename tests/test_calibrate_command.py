@@ -52,10 +52,20 @@ def test_no_report(capsys, folder, tmp_path):
     assert "views left out" not in capsys.readouterr().out
 
 
+def test_some_pairs_of_lists_that_are_none(capsys, folder, tmp_path):
+    # A right picture is missing, so that from there on none belongs to the left one of its number.
+    (tmp_path / "right").mkdir()
+    for number in (1, 3, 4, 5, 6):
+        (tmp_path / "right" / f"right{number}.png").write_bytes((folder / f"right{number}.png").read_bytes())
+    given = (str(folder / "left*.png"), str(tmp_path / "right"))
+    assert main(["calibrate", *given, *BOARD, "--out", str(tmp_path / "rig.json"), "--pairs", "1-5"]) == 2
+    assert "6 left pictures but 5 right ones" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (("--pairs", "4-9"), "--pairs 4-9: there are 6 left and 6 right pictures"),
+        (("--pairs", "4-9"), "--pairs 4-9: there are 6 pairs; end earlier"),
         (("--pairs", "0-3"), "'0-3': give the first and the last pair, such as 1-6"),
         (("--pairs", "5-2"), "'5-2': give the first and the last pair"),
         (("--pairs", "all"), "'all': give the first and the last pair"),

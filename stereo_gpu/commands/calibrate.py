@@ -84,13 +84,11 @@ def run(options: argparse.Namespace) -> None:
 
 
 def _chosen(pairs: tuple[int, int] | None, left: list[Path], right: list[Path]) -> tuple[list[Path], list[Path]]:
-    if pairs is None:
+    if pairs is None or len(left) != len(right):  # the calibration refuses such lists, and says why
         return left, right
     first, last = pairs
-    if last > min(len(left), len(right)):
-        raise InputError(
-            f"--pairs {first}-{last}: there are {len(left)} left and {len(right)} right pictures; end earlier"
-        )
+    if last > len(left):
+        raise InputError(f"--pairs {first}-{last}: there are {len(left)} pairs; end earlier")
     return left[first - 1 : last], right[first - 1 : last]
 
 
