@@ -193,7 +193,7 @@ def _record(
             tally.written(writer.finished())
         tally.written(writer.finished(at_most=0))
     if wanted <= 0:
-        return f"all {count} pairs were taken"
+        return "the pair was taken" if count == 1 else f"all {count} pairs were taken"
     return "no more pairs were wanted" if chooser.done else feed.reader.ended or "stopped"
 
 

@@ -96,7 +96,8 @@ def test_colours_stay_as_they_are(tmp_path):
     writer = cv2.VideoWriter(str(tmp_path / "red.avi"), cv2.VideoWriter.fourcc(*"MJPG"), RATE, SIZE)
     writer.write(np.full((48, 64, 3), (20, 60, 200), np.uint8))  # BGR
     writer.release()
-    capture(tmp_path / "red.avi", tmp_path / "red.avi", tmp_path / "out", count=1)
+    recording = capture(tmp_path / "red.avi", tmp_path / "red.avi", tmp_path / "out", count=1)
+    assert recording.ended == "the pair was taken"
     assert np.abs(np.median(read_image(tmp_path / "out" / "left0001.png"), axis=(0, 1)) - (200, 60, 20)).max() < 6
 
 
