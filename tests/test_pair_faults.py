@@ -81,6 +81,15 @@ def test_cameras_that_moved(first, degrees):
     assert f"--pairs 1-{first} or --pairs {first + 1}-12" in str(caught.value)
 
 
+@pytest.mark.parametrize("first", [3, 6, 8])
+def test_cameras_that_were_exchanged_on_the_way(first):
+    pairs = corner_pairs.pairs(12, seed=5)
+    for pair in pairs[:first]:
+        pair.views.reverse()
+    with pytest.raises(CalibrationError, match=f"between left{first:02d}.png and left{first + 1:02d}.png"):
+        fit(pairs)
+
+
 def test_cameras_that_moved_within_some_of_the_pairs():
     before = corner_pairs.pairs(12, seed=4)[3:]
     after = corner_pairs.pairs(12, seed=4, rotation=corner_pairs.turned(1.0))[3:]

@@ -46,13 +46,15 @@ def find_split(proposals: Proposals) -> int | None:
     For moves so large that no fit comes near both groups.
     """
     errors = proposals.errors_px.min(axis=2)  # (proposals, views)
+    seen = errors[np.isfinite(errors)]
+    errors = np.minimum(errors, seen.max(initial=0.0))  # infinite where a board would lie behind the camera
     views = errors.shape[1]
     own = proposals.view[:, None] == np.arange(views)
     others = np.where(own, np.nan, errors)  # a proposal says nothing about the view that made it
     best: tuple[float, int] | None = None
     for first in range(FEWEST_IN_GROUP, views - FEWEST_IN_GROUP + 1):
         groups = np.arange(views) < first, np.arange(views) >= first
-        worst_own, least_other = 0.0, np.inf
+        worst_own, least_other, total = 0.0, np.inf, 0.0
         for group, other in (groups, groups[::-1]):
             makers = np.flatnonzero(group[proposals.view])
             if not len(makers):
@@ -61,8 +63,10 @@ def find_split(proposals: Proposals) -> int | None:
             maker = makers[int(medians.argmin())]
             worst_own = max(worst_own, float(np.nanpercentile(others[maker][group], 75)))
             least_other = min(least_other, float(np.percentile(errors[maker][other], 25)))
-        if least_other > APART * worst_own and (best is None or worst_own < best[0]):
-            best = worst_own, first
+            total += float(np.nansum(others[maker][group]))
+        # Percentiles forgive a view in the wrong group, the sum does not; a view that fits neither adds to it anyway.
+        if least_other > APART * worst_own and (best is None or total < best[0]):
+            best = total, first
     return None if best is None else best[1]
 
 
