@@ -170,10 +170,12 @@ def _likeliest(left: Doubles, right: Doubles, size: tuple[int, int], focal: floa
     best = int(costs[1] < costs[0] - LENS_GAIN)
     across = int(np.abs(t[1:]).argmax()) + 1
     if abs(t[0]) < abs(t[across]) and misfit(free, noise) < costs[best] - LEAN_GAIN * len(left):
-        stands = "above or below" if across == 1 else "in front of or behind"
+        stands, way = "in front of or behind", ""
+        if across == 1:
+            stands, way = "above or below", ", or turn both upright: EXIF's orientation is ignored"
         raise InputError(
             f"one camera stands {stands} the other rather than beside it (T points along {np.round(t, 2).tolist()}):"
-            " move it straight aside between the pictures"
+            f" move it straight aside between the pictures{way}"
         )
     return fits[best]
 
