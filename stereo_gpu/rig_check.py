@@ -25,6 +25,7 @@ from stereo_gpu.types import Doubles, Picture, RectifiedPair
 WARN_PX, REFUSE_PX = 0.5, 2.0  # median vertical error
 STRAY_PX, STRAY = 1.0, 6.0  # px, and times the median: farther from what a drift explains lies no true match
 MOST = 1000  # matches that the fault is told from; more add time alone
+SURE = 2 * ENOUGH  # features from which on another's rig is told from a repeated pattern, matched one period off
 SMALL_SHARE = 0.15  # of the frame's cells with features, below which the verdict says that it holds for a part
 
 
@@ -34,7 +35,7 @@ class Verdict(StrEnum):
     GOOD = "good"
     DOUBTFUL = "doubtful"  # rows differ by so much that matches are lost
     BAD = "bad"  # not worth matching
-    UNKNOWN = "unknown"  # too few features
+    UNKNOWN = "unknown"  # too few features to tell
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -138,7 +139,7 @@ def check_rig(left: Picture, right: Picture, rig: Rig) -> RigCheck:
     error = float(np.median(errors))
     cells = map_errors(points_left, rows.vertical, size)
     behind = share_behind(rows)
-    verdict = _judge(error, found.fault, behind)
+    verdict = _judge(error, len(errors), found.fault, behind)
     return RigCheck(
         matches=matches,
         vertical_px=error,
@@ -193,9 +194,13 @@ def _spread(good: NDArray[np.bool_]) -> NDArray[np.intp]:
     return known[:: -(-len(known) // MOST)]
 
 
-def _judge(error: float, fault: Fault, behind: float) -> Verdict:
+def _judge(error: float, features: int, fault: Fault, behind: float) -> Verdict:
     """The verdict on a median error, px: its cause does not make it worse unless points lie behind the cameras."""
-    if fault is Fault.SWAPPED or behind > BEHIND or error > REFUSE_PX:
+    if fault is Fault.SWAPPED or behind > BEHIND:
+        return Verdict.BAD
+    if fault is Fault.OTHER_RIG and features < SURE:
+        return Verdict.UNKNOWN
+    if error > REFUSE_PX:
         return Verdict.BAD
     return Verdict.DOUBTFUL if error > WARN_PX else Verdict.GOOD
 
@@ -204,6 +209,11 @@ def _in_words(verdict: Verdict, found: Explanation, error: float, features: int,
     """The error, its cause and the way out; `share` is that of the frame's cells with features."""
     where = "" if share >= SMALL_SHARE else f", which fill only {share:.0%} of the frame"
     says = f"rows differ by {error:.2f} px (median of {features} features{where})"
+    if verdict is Verdict.UNKNOWN:
+        return (
+            f"{says}: {found.says}, or a pattern that repeats was matched wrongly, which {SURE} features would tell;"
+            " take a pair with more texture that both cameras see"
+        )
     if found.says:
         return f"{says}: {'good enough, but ' if verdict is Verdict.GOOD else ''}{found.says}; {found.mend}"
     return f"{says}: the rig is good" if verdict is Verdict.GOOD else says

@@ -168,6 +168,14 @@ def test_rows_that_fit_are_not_refused_for_a_turn_that_they_hardly_tell(cup_boar
     assert (checked.verdict, checked.fault) == (Verdict.GOOD, Fault.NONE)
 
 
+@pytest.mark.parametrize("number", ["01", "06"])
+def test_few_features_of_a_board_that_repeats_do_not_refuse_a_good_rig(cup_boards, cup_rig, number):
+    checked = sg.check_rig(*cup_boards(number), cup_rig)
+    assert checked.verdict is Verdict.UNKNOWN
+    assert "a pattern that repeats" in checked.says
+    refuse_bad(checked)
+
+
 def test_rows_below_the_limit_are_not_refused_whatever_the_cause(cup, cup_rig):
     drift = Drift(turn=np.array([0.1, 5.0, -1.0]), move=np.zeros(2), deviations=np.zeros(5))
     checked = sg.check_rig(*cup, drifted(cup_rig, drift))

@@ -1,6 +1,6 @@
 """Say whether a rig still fits a raw pair, and correct a small drift.
 
-The exit status is 1 where the rig does not fit: rows over 2 px apart, swapped pictures or other cameras' rig.
+The exit status is 1 where the rig does not fit: rows over 2 px apart, or nearly all points behind the cameras.
 """
 
 from __future__ import annotations
