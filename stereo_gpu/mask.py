@@ -88,7 +88,8 @@ def mask_from_rectangle(picture: Picture, rectangle: tuple[int, int, int, int], 
     mask[y : y + height, x : x + width] = inside[y - y0 : y - y0 + height, x - x0 : x - x0 + width]
     if mask.sum() < LEAST_OBJECT * width * height:
         raise InputError(
-            f"rectangle {x},{y} {width} x {height} holds nothing that stands out: draw it around the whole object"
+            f"rectangle {x},{y} {width} x {height} holds nothing that stands out: draw it around the whole object,"
+            " or give a mask"
         )
     result: Bytes = mask
     return result
