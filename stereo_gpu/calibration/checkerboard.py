@@ -25,6 +25,9 @@ CLASSIC_FLAGS = (
     cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE,
     cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_FILTER_QUADS,
 )
+# The sector-based finder draws at random: what it finds must not depend on what was searched before. This is the seed
+# with which OpenCV itself starts.
+OPENCV_SEED = -1
 
 
 def find_checkerboard(picture: Picture, size: tuple[int, int]) -> Floats | None:
@@ -63,6 +66,7 @@ def survey_checkerboard(picture: Picture) -> tuple[int, int] | None:
     if too_thin(flat, FEWEST_SQUARES) or largest_grid(flat, least) < least:
         return None
     # Starting from 3 x 3 corners, the finder grows the board as far as it goes and says how far that was.
+    cv2.setRNGSeed(OPENCV_SEED)
     found, _, meta = cv2.findChessboardCornersSBWithMeta(shrunk(flat), (3, 3), flags)
     if not found or meta is None or max(meta.shape[:2]) < FEWEST_SQUARES:
         return None  # 3 x 3 corners by themselves are found by chance, too
@@ -119,6 +123,7 @@ def _search(
     flat: Bytes, size: tuple[int, int], sector_flags: tuple[int, ...], classic_flags: tuple[int, ...]
 ) -> Floats | None:
     for flags in sector_flags:
+        cv2.setRNGSeed(OPENCV_SEED)
         found, corners = cv2.findChessboardCornersSB(flat, size, flags=flags)
         if found:
             return np.asarray(corners, np.float32).reshape(-1, 2)
