@@ -8,10 +8,10 @@ Conventions stand in `stereo_gpu.types`, errors in `stereo_gpu.errors`.
 """
 
 from stereo_gpu.backends import DeviceStatus, devices
+from stereo_gpu.boards.board import Board
+from stereo_gpu.boards.board_print import PrintedBoard, print_board
+from stereo_gpu.boards.charuco import CharucoBoard
 from stereo_gpu.calibrate import calibrate, calibrate_in_full
-from stereo_gpu.calibration.board import Board
-from stereo_gpu.calibration.board_print import PrintedBoard, print_board
-from stereo_gpu.calibration.charuco import CharucoBoard
 from stereo_gpu.calibration.outcome import Calibration
 from stereo_gpu.capture import Recording, capture
 from stereo_gpu.check import PairCheck, check_rectified

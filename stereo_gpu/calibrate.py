@@ -8,9 +8,9 @@ from typing import Literal
 
 import numpy as np
 
+from stereo_gpu.boards.board import Board
+from stereo_gpu.boards.board_pairs import Progress, Source, find_pairs
 from stereo_gpu.calibration.advice import advise, refuse_undetermined
-from stereo_gpu.calibration.board import Board
-from stereo_gpu.calibration.board_pairs import Progress, Source, find_pairs
 from stereo_gpu.calibration.fit import Fit, fit_pairs
 from stereo_gpu.calibration.lens_models import LensModels, choose_lens_model
 from stereo_gpu.calibration.outcome import Calibration

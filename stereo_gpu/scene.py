@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_gpu.calibration.board import Board
+from stereo_gpu.boards.board import Board
 from stereo_gpu.errors import InputError
 from stereo_gpu.rig import Camera, Rig
 from stereo_gpu.scene_objects import Group, Plane, Shape, Thing, bear, cube, room, turn

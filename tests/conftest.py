@@ -50,8 +50,8 @@ def data():
 @pytest.fixture(scope="session")
 def board_calibration(data):
     """The 13 real pairs of board_10x7, calibrated in full; several tests ask for it, and it takes seconds."""
+    from stereo_gpu.boards.board import Board
     from stereo_gpu.calibrate import calibrate_in_full
-    from stereo_gpu.calibration.board import Board
 
     folder = data / "calibration" / "board_10x7"
     return calibrate_in_full(*(sorted(folder.glob(f"{side}*.jpg")) for side in ("left", "right")), Board(10, 7, 30.0))

@@ -4,8 +4,8 @@ import boards
 import cv2
 import numpy as np
 
-from stereo_gpu.calibration.board import Board, BoardView
-from stereo_gpu.calibration.board_pairs import BoardPair
+from stereo_gpu.boards.board import Board, BoardView
+from stereo_gpu.boards.board_pairs import BoardPair
 from stereo_gpu.calibration.bundle import Bundle, Corners, project
 
 BOARD = Board(columns=9, rows=7, square=30.0)  # both odd: turned by 180 degrees it looks the same

@@ -3,7 +3,7 @@
 import cv2
 import numpy as np
 
-from stereo_gpu.calibration.board import Board
+from stereo_gpu.boards.board import Board
 from stereo_gpu.recording.frames import StereoFrame
 from stereo_gpu.scene import build_scene, project
 

@@ -3,10 +3,10 @@ import cv2
 import numpy as np
 import pytest
 
-from stereo_gpu.calibration.board import Board
-from stereo_gpu.calibration.checkerboard import survey_checkerboard
-from stereo_gpu.calibration.crossings import largest_grid
-from stereo_gpu.calibration.hints import Hint, common_hint
+from stereo_gpu.boards.board import Board
+from stereo_gpu.boards.checkerboard import survey_checkerboard
+from stereo_gpu.boards.crossings import largest_grid
+from stereo_gpu.boards.hints import Hint, common_hint
 from stereo_gpu.errors import InputError
 from stereo_gpu.images import read_image
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from boards import LEFT, RIGHT, SIZE, moved, poses, render
 
-from stereo_gpu.calibration.board import Board
+from stereo_gpu.boards.board import Board
 from stereo_gpu.errors import StageError
 from stereo_gpu.evaluation.board_plane import find_plane, visible
 from stereo_gpu.rectify import plan_rectification

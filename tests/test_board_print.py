@@ -10,9 +10,9 @@ import pytest
 from PIL import Image
 
 import stereo_gpu as sg
-from stereo_gpu.calibration.board_print import choose_dots, rasterise
-from stereo_gpu.calibration.charuco import CharucoBoard
-from stereo_gpu.calibration.sheet import PAPERS, lay_out
+from stereo_gpu.boards.board_print import choose_dots, rasterise
+from stereo_gpu.boards.charuco import CharucoBoard
+from stereo_gpu.boards.sheet import PAPERS, lay_out
 from stereo_gpu.cli import main
 from stereo_gpu.errors import InputError
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from moving_boards import BOARD, between, frame, pose, render
 
-from stereo_gpu.calibration.board import Board
-from stereo_gpu.calibration.charuco import CharucoBoard
+from stereo_gpu.boards.board import Board
+from stereo_gpu.boards.charuco import CharucoBoard
 from stereo_gpu.capture import capture
 from stereo_gpu.cli import main
 from stereo_gpu.errors import InputError

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
+from stereo_gpu.boards.board import Board
 from stereo_gpu.calibrate import calibrate, calibrate_in_full
-from stereo_gpu.calibration.board import Board
 from stereo_gpu.calibration.summary import epipolar_errors
 from stereo_gpu.calibration.table import calibration_table
 from stereo_gpu.errors import CalibrationError, InputError, PictureError

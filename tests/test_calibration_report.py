@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from pages import Page
 
-from stereo_gpu.calibration.board import Board
-from stereo_gpu.calibration.charuco import CharucoBoard
+from stereo_gpu.boards.board import Board
+from stereo_gpu.boards.charuco import CharucoBoard
 from stereo_gpu.calibration.figures.coverage import measure_coverage
 from stereo_gpu.calibration.figures.lens import draw_distortion, radial_displacement, turning_radius
 from stereo_gpu.calibration.figures.residuals import arrow_factor, pooled_residuals

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import stereo_gpu as sg
-from stereo_gpu.calibration.board_pairs import find_pairs
-from stereo_gpu.calibration.board_print import rasterise
-from stereo_gpu.calibration.charuco import CharucoBoard
-from stereo_gpu.calibration.markers import marker_squares
-from stereo_gpu.calibration.neighbours import fits_neighbours
-from stereo_gpu.calibration.sheet import lay_out
+from stereo_gpu.boards.board_pairs import find_pairs
+from stereo_gpu.boards.board_print import rasterise
+from stereo_gpu.boards.charuco import CharucoBoard
+from stereo_gpu.boards.markers import marker_squares
+from stereo_gpu.boards.neighbours import fits_neighbours
+from stereo_gpu.boards.sheet import lay_out
 from stereo_gpu.errors import CalibrationError, InputError
 
 BOARD = CharucoBoard(8, 6, 30.0, 22.0)

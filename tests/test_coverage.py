@@ -5,9 +5,9 @@ import cv2
 import numpy as np
 import pytest
 
-from stereo_gpu.calibration.board import Board, BoardView
-from stereo_gpu.calibration.coverage import Coverage, Tilt, missing_in_both
-from stereo_gpu.calibration.placement import place
+from stereo_gpu.boards.board import Board, BoardView
+from stereo_gpu.boards.coverage import Coverage, Tilt, missing_in_both
+from stereo_gpu.boards.placement import place
 
 BOARD = Board(columns=10, rows=7, square=30.0)
 SIZE = boards.SIZE

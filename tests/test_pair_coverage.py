@@ -4,7 +4,7 @@ import moving_boards
 import pytest
 from moving_boards import BOARD, pose, render
 
-from stereo_gpu.calibration.pair_coverage import PairCoverage, by_picture
+from stereo_gpu.boards.pair_coverage import PairCoverage, by_picture
 from stereo_gpu.images import grey
 from stereo_gpu.recording.quick_find import QuickFinder
 

@@ -8,9 +8,9 @@ import corner_pairs
 import numpy as np
 import pytest
 
+from stereo_gpu.boards.board import Board, BoardView
+from stereo_gpu.boards.board_pairs import find_pairs
 from stereo_gpu.calibrate import calibrate
-from stereo_gpu.calibration.board import Board, BoardView
-from stereo_gpu.calibration.board_pairs import find_pairs
 from stereo_gpu.calibration.fit import fit_pairs
 from stereo_gpu.calibration.movement import out_of_step
 from stereo_gpu.errors import CalibrationError, PictureError

@@ -5,8 +5,8 @@ import cv2
 import numpy as np
 import pytest
 
-from stereo_gpu.calibration.board import Board, BoardView
-from stereo_gpu.calibration.sharpness import edge_width
+from stereo_gpu.boards.board import Board, BoardView
+from stereo_gpu.boards.sharpness import edge_width
 
 BOARD = Board(columns=10, rows=7, square=30.0)
 

@@ -7,7 +7,7 @@ import moving_boards
 import numpy as np
 import pytest
 
-from stereo_gpu.calibration.coverage import COLUMNS, ROWS
+from stereo_gpu.boards.coverage import COLUMNS, ROWS
 from stereo_gpu.recording.board_watch import Look
 from stereo_gpu.recording.terminal_map import TerminalMap
 

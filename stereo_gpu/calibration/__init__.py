@@ -1,1 +1,1 @@
-"""The parts of a calibration: the board, its pictures, how the pairs fit together."""
+"""The parts of a calibration: both cameras fitted to the pairs of a board, and what can be said of the fit."""

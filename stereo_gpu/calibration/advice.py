@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from stereo_gpu.calibration.board import Board
-from stereo_gpu.calibration.coverage import Coverage, missing_in_both
+from stereo_gpu.boards.board import Board
+from stereo_gpu.boards.coverage import Coverage, missing_in_both
 from stereo_gpu.calibration.fit import Fit
 from stereo_gpu.calibration.lenses import SIDES, seen_by
 from stereo_gpu.calibration.movement import out_of_step

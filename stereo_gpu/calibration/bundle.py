@@ -16,7 +16,7 @@ from itertools import pairwise
 import cv2
 import numpy as np
 
-from stereo_gpu.calibration.board import Board, BoardView
+from stereo_gpu.boards.board import Board, BoardView
 from stereo_gpu.errors import CalibrationError
 from stereo_gpu.types import Doubles, Ints
 

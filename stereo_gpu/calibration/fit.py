@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from stereo_gpu.calibration.board import Board
-from stereo_gpu.calibration.board_pairs import BoardPair
+from stereo_gpu.boards.board import Board
+from stereo_gpu.boards.board_pairs import BoardPair
 from stereo_gpu.calibration.bundle import Bundle, Corners, Normal, linearise, refine, residuals
 from stereo_gpu.calibration.lenses import Lens, calibrate_lenses, degenerate, seen_by
 from stereo_gpu.calibration.mismatch import explain_mismatch, moved

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from stereo_gpu.calibration.board import Board, BoardView
-from stereo_gpu.calibration.board_pairs import BoardPair
+from stereo_gpu.boards.board import Board, BoardView
+from stereo_gpu.boards.board_pairs import BoardPair
 from stereo_gpu.calibration.bundle import Corners
 from stereo_gpu.calibration.outliers import drop_outliers, used_pairs
 from stereo_gpu.calibration.pairing import LensView

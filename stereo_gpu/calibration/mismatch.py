@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from stereo_gpu.calibration.board import Board
-from stereo_gpu.calibration.board_pairs import FEWEST_IN_BOTH, FEWEST_PAIRS, BoardPair
+from stereo_gpu.boards.board import Board
+from stereo_gpu.boards.board_pairs import FEWEST_IN_BOTH, FEWEST_PAIRS, BoardPair
 from stereo_gpu.calibration.lenses import Lens
 from stereo_gpu.calibration.movement import find_split
 from stereo_gpu.calibration.pairing import LensView, Proposals, propose

@@ -14,7 +14,7 @@ from itertools import product
 import cv2
 import numpy as np
 
-from stereo_gpu.calibration.board import Board
+from stereo_gpu.boards.board import Board
 from stereo_gpu.calibration.bundle import Bundle, Corners, linearise, project, scaled_inverse
 from stereo_gpu.calibration.uncertainty import depth_deviations, depth_slopes
 from stereo_gpu.types import Doubles

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from stereo_gpu.calibration.board import Board
+from stereo_gpu.boards.board import Board
 from stereo_gpu.calibration.lens_models import LensModels
 from stereo_gpu.deviations import Deviations
 from stereo_gpu.rig import Rig

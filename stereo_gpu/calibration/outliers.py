@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from stereo_gpu.calibration.board_pairs import FEWEST_PAIRS, BoardPair
+from stereo_gpu.boards.board_pairs import FEWEST_PAIRS, BoardPair
 from stereo_gpu.errors import CalibrationError
 from stereo_gpu.types import Doubles
 

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_gpu.calibration.board import Board, BoardView, in_both
+from stereo_gpu.boards.board import Board, BoardView, in_both
 from stereo_gpu.types import Doubles
 
 MOST_HYPOTHESES = 40  # views whose R and T are tried; the work grows with their number times that of all views

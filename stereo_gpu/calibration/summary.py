@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from stereo_gpu.calibration.board import Board, BoardView, in_both
+from stereo_gpu.boards.board import Board, BoardView, in_both
 from stereo_gpu.calibration.bundle import PINHOLE, lens_matrix, project
 from stereo_gpu.calibration.fit import Fit, view_distances
 from stereo_gpu.calibration.lenses import seen_by

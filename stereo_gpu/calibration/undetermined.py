@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from stereo_gpu.calibration.board import Board, BoardView
-from stereo_gpu.calibration.coverage import Coverage
+from stereo_gpu.boards.board import Board, BoardView
+from stereo_gpu.boards.coverage import Coverage
 from stereo_gpu.errors import CalibrationError
 
 UNDETERMINED = 0.05  # deviation of a focal length, as a share of it, above which there is no calibration

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from stereo_gpu.errors import InputError
 
 if TYPE_CHECKING:
-    from stereo_gpu.calibration.board import Board
+    from stereo_gpu.boards.board import Board
 
 
 def add_pair(parser: argparse.ArgumentParser) -> None:
@@ -51,8 +51,8 @@ def read_board(options: argparse.Namespace) -> Board:
     Raises:
         InputError: there is no such board, or options for markers stand without their sides.
     """
-    from stereo_gpu.calibration.board import Board, parse_squares
-    from stereo_gpu.calibration.charuco import CharucoBoard
+    from stereo_gpu.boards.board import Board, parse_squares
+    from stereo_gpu.boards.charuco import CharucoBoard
 
     if options.marker is None:
         if options.dictionary is not None:

@@ -23,7 +23,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Draw the board and say how large it is."""
-    from stereo_gpu.calibration.board_print import print_board
+    from stereo_gpu.boards.board_print import print_board
     from stereo_gpu.files import check_writable_file
 
     board = read_board(options)

@@ -194,7 +194,7 @@ def _sum_up(recording: Recording, options: argparse.Namespace) -> None:
 
 
 def _say_what_is_missing(chooser: BoardChooser) -> None:
-    from stereo_gpu.calibration.pair_coverage import FEWEST_PAIRS, by_picture
+    from stereo_gpu.boards.pair_coverage import FEWEST_PAIRS, by_picture
 
     if chooser.coverage is None:
         return

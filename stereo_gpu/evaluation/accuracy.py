@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from stereo_gpu.boards.board import Board
 from stereo_gpu.calibrate import calibrate
-from stereo_gpu.calibration.board import Board
 from stereo_gpu.errors import InputError
 from stereo_gpu.evaluation.board_plane import find_plane, visible
 from stereo_gpu.evaluation.matchers import AUTO, PRECISE, Found, Matcher, Search

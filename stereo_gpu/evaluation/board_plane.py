@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from stereo_gpu.calibration.board import Board, in_both
+from stereo_gpu.boards.board import Board, in_both
 from stereo_gpu.errors import StageError
 from stereo_gpu.rectify import Rectification, plan_rectification
 from stereo_gpu.rig import Camera, Rig

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereo_gpu.calibration.board import Board, BoardView, in_both
-from stereo_gpu.calibration.pair_coverage import SIDES, PairCoverage
-from stereo_gpu.calibration.sharpness import REACH, edge_width
+from stereo_gpu.boards.board import Board, BoardView, in_both
+from stereo_gpu.boards.pair_coverage import SIDES, PairCoverage
+from stereo_gpu.boards.sharpness import REACH, edge_width
 from stereo_gpu.errors import InputError
 from stereo_gpu.images import grey
 from stereo_gpu.recording.frames import StereoFrame

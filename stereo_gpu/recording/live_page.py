@@ -17,8 +17,8 @@ from typing import Any
 
 import cv2
 
-from stereo_gpu.calibration.board import Board, BoardView
-from stereo_gpu.calibration.coverage import COLUMNS, REGIONS, ROWS
+from stereo_gpu.boards.board import Board, BoardView
+from stereo_gpu.boards.coverage import COLUMNS, REGIONS, ROWS
 from stereo_gpu.images import grey
 from stereo_gpu.recording.board_watch import Look
 from stereo_gpu.recording.page_server import LOCAL, LOCAL_ADDRESSES, listen

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from stereo_gpu.calibration.board import Board, BoardView
+from stereo_gpu.boards.board import Board, BoardView
 from stereo_gpu.types import Bytes, Floats
 
 SQUARE_PX = 64  # of the shrunk picture's width for each square of the board, within these limits

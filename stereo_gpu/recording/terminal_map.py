@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable
 from typing import TextIO
 
-from stereo_gpu.calibration.pair_coverage import by_picture
+from stereo_gpu.boards.pair_coverage import by_picture
 from stereo_gpu.recording.board_watch import Look
 from stereo_gpu.types import Ints
 

@@ -6,8 +6,8 @@ from html import escape
 
 import numpy as np
 
-from stereo_gpu.calibration.board import BoardView
-from stereo_gpu.calibration.coverage import REGIONS, Coverage, missing_in_both, out_of_reach
+from stereo_gpu.boards.board import BoardView
+from stereo_gpu.boards.coverage import REGIONS, Coverage, missing_in_both, out_of_reach
 from stereo_gpu.calibration.figures.svg import Frame, dots, rectangle, thinned, words
 from stereo_gpu.calibration.outcome import Calibration
 from stereo_gpu.types import Doubles, Ints

@@ -7,7 +7,7 @@ from typing import Protocol
 import cv2
 import numpy as np
 
-from stereo_gpu.calibration.board import BoardView
+from stereo_gpu.boards.board import BoardView
 from stereo_gpu.types import Bytes, Doubles
 
 SAMPLES = 33  # across an edge

@@ -10,11 +10,11 @@ from typing import ClassVar
 import cv2
 import numpy as np
 
-from stereo_gpu.calibration.board import Board, BoardView
-from stereo_gpu.calibration.checkerboard import FEWEST_SQUARES, WORKING_SIDE, place_corners, shrunk, too_thin
-from stereo_gpu.calibration.hints import Hint
-from stereo_gpu.calibration.marker_hints import hint_charuco
-from stereo_gpu.calibration.markers import (
+from stereo_gpu.boards.board import Board, BoardView
+from stereo_gpu.boards.checkerboard import FEWEST_SQUARES, WORKING_SIDE, place_corners, shrunk, too_thin
+from stereo_gpu.boards.hints import Hint
+from stereo_gpu.boards.marker_hints import hint_charuco
+from stereo_gpu.boards.markers import (
     Markers,
     agreeing,
     dictionary_name,
@@ -24,7 +24,7 @@ from stereo_gpu.calibration.markers import (
     marker_squares,
     steps_between,
 )
-from stereo_gpu.calibration.neighbours import fits_neighbours
+from stereo_gpu.boards.neighbours import fits_neighbours
 from stereo_gpu.errors import InputError
 from stereo_gpu.images import grey
 from stereo_gpu.types import Bytes, Floats, Ints, Picture

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereo_gpu.calibration.checkerboard import FEWEST_SQUARES, shrunk, survey_checkerboard, too_thin
-from stereo_gpu.calibration.hints import Hint
-from stereo_gpu.calibration.markers import (
+from stereo_gpu.boards.checkerboard import FEWEST_SQUARES, shrunk, survey_checkerboard, too_thin
+from stereo_gpu.boards.hints import Hint
+from stereo_gpu.boards.markers import (
     FAMILIES,
     agreeing,
     diagonal_neighbours,

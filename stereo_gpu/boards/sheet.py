@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from stereo_gpu.calibration.board import Board
-from stereo_gpu.calibration.board_drawing import black_rectangles
-from stereo_gpu.calibration.charuco import CharucoBoard
+from stereo_gpu.boards.board import Board
+from stereo_gpu.boards.board_drawing import black_rectangles
+from stereo_gpu.boards.charuco import CharucoBoard
 from stereo_gpu.errors import InputError
 from stereo_gpu.types import Doubles
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from stereo_gpu.calibration.board import BoardView
-from stereo_gpu.calibration.coverage import Coverage, missing_in_both, out_of_reach
-from stereo_gpu.calibration.placement import KnownPoints
+from stereo_gpu.boards.board import BoardView
+from stereo_gpu.boards.coverage import Coverage, missing_in_both, out_of_reach
+from stereo_gpu.boards.placement import KnownPoints
 
 FEWEST_PAIRS = 10  # however much of the pictures fewer of them cover
 SIDES = ("left", "right")

@@ -12,10 +12,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from stereo_gpu.calibration.board import Board
-from stereo_gpu.calibration.board_drawing import cells_across
-from stereo_gpu.calibration.charuco import CharucoBoard
-from stereo_gpu.calibration.sheet import FIT, MILLIMETRES, Sheet, Words, lay_out
+from stereo_gpu.boards.board import Board
+from stereo_gpu.boards.board_drawing import cells_across
+from stereo_gpu.boards.charuco import CharucoBoard
+from stereo_gpu.boards.sheet import FIT, MILLIMETRES, Sheet, Words, lay_out
 from stereo_gpu.errors import InputError
 from stereo_gpu.files import write_whole
 from stereo_gpu.types import Bytes, Doubles

@@ -7,8 +7,8 @@ from enum import StrEnum
 
 import numpy as np
 
-from stereo_gpu.calibration.board import BoardView
-from stereo_gpu.calibration.placement import KnownPoints, Placement, place
+from stereo_gpu.boards.board import BoardView
+from stereo_gpu.boards.placement import KnownPoints, Placement, place
 from stereo_gpu.types import Ints
 
 COLUMNS, ROWS = 8, 6  # cells of the picture

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from stereo_gpu.calibration.board import Board
-from stereo_gpu.calibration.charuco import CharucoBoard
-from stereo_gpu.calibration.markers import draw_marker, marker_squares
+from stereo_gpu.boards.board import Board
+from stereo_gpu.boards.charuco import CharucoBoard
+from stereo_gpu.boards.markers import draw_marker, marker_squares
 from stereo_gpu.types import Bytes, Doubles
 
 

@@ -9,9 +9,9 @@ from typing import ClassVar
 
 import numpy as np
 
-from stereo_gpu.calibration.checkerboard import FEWEST_SQUARES, find_checkerboard, survey_checkerboard
-from stereo_gpu.calibration.hints import Hint
-from stereo_gpu.calibration.marker_hints import hint_unexpected_markers
+from stereo_gpu.boards.checkerboard import FEWEST_SQUARES, find_checkerboard, survey_checkerboard
+from stereo_gpu.boards.hints import Hint
+from stereo_gpu.boards.marker_hints import hint_unexpected_markers
 from stereo_gpu.errors import InputError
 from stereo_gpu.images import grey
 from stereo_gpu.rig import check_unit

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from stereo_gpu.calibration.board import Board, BoardView, in_both
-from stereo_gpu.calibration.hints import Hint, common_hint
-from stereo_gpu.calibration.picture_sizes import tell_sizes
+from stereo_gpu.boards.board import Board, BoardView, in_both
+from stereo_gpu.boards.hints import Hint, common_hint
+from stereo_gpu.boards.picture_sizes import tell_sizes
 from stereo_gpu.errors import CalibrationError, InputError, PictureError
 from stereo_gpu.images import check_picture, read_image
 from stereo_gpu.types import Picture

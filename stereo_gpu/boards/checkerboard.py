@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import cv2
 import numpy as np
 
-from stereo_gpu.calibration.crossings import grid_at_size, largest_grid
+from stereo_gpu.boards.crossings import grid_at_size, largest_grid
 from stereo_gpu.images import grey
 from stereo_gpu.types import Bytes, Floats, Picture
 
