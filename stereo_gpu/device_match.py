@@ -99,9 +99,12 @@ def download_disparity(
         backend.launch("certainty", **known, doubt=DOUBT, confidence_out=confidence)
     else:
         backend.launch("confidence", **known, score=found.score, weight=1.0, confidence_out=confidence)
+    values, validity = backend.download(found.values), backend.download(found.validity)
+    # Planes through flat parts go on where nothing is wanted.
+    values = np.where(validity & Validity.MASKED, np.float32(np.nan), values)
     return Disparity(
-        values=backend.download(found.values),
-        validity=backend.download(found.validity),
+        values=values,
+        validity=validity,
         confidence=backend.download(confidence),
         reference=reference,
         smallest=smallest,

@@ -147,11 +147,14 @@ def test_threads_do_not_disturb_each_other(backend):
             np.testing.assert_array_equal(values, alone[number % 2])
 
 
-def test_mask_leaves_pixels_out():
+@pytest.mark.parametrize("profile", list(PROFILES))
+def test_mask_leaves_pixels_out(profile):
     left, right, _ = textured_pair(120, 80)
     mask = np.zeros((80, 120), np.uint8)
     mask[20:60, 40:100] = 1
-    found = match(left, right, disparities=(0, 40), mask=mask)
+    # What is flat takes planes, which go on beyond any mask.
+    left[55:, 60:] = right[55:, 60:] = 128
+    found = match(left, right, disparities=(0, 40), mask=mask, profile=str(profile))
     outside = mask == 0
     assert np.isnan(found.values[outside]).all()
     assert (found.validity[outside] == Validity.MASKED).all()
