@@ -232,7 +232,7 @@ class _Tally:
         if not self._looks:
             for name, refused in zip(reader.names, reader.refused, strict=False):
                 if refused:
-                    self._warn(f"{name} did not take {', '.join(refused)}: set it with the camera's own program")
+                    self._warn(f"{name} did not take {', '.join(refused)}: set the camera with its own program")
             if reader.live and len(reader.settings) == 2:
                 self._warn(*compare_settings(*reader.settings))
         self._looks.append(look_at(frame))

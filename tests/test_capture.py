@@ -16,6 +16,7 @@ from stereo_gpu.capture import capture
 from stereo_gpu.cli import main
 from stereo_gpu.errors import InputError
 from stereo_gpu.images import read_image
+from stereo_gpu.recording.settings import CameraSettings
 
 SIZE = (64, 48)
 RATE = 60.0
@@ -332,3 +333,10 @@ def test_nothing_is_lost_at_60_a_second(tmp_path):
     for at in (*range(0, count, 50), count - 1):
         pair = [number_of(read_image(tmp_path / "out" / records[at][side])) for side in ("left", "right")]
         assert pair == [at, 5000 + at]
+
+
+def test_settings_that_only_a_camera_has_are_not_passed_over(films, tmp_path):
+    recording = capture(*films, tmp_path / "out", count=1, settings=CameraSettings(exposure=50, lock=True))
+    assert recording.taken == 1
+    told = [warning for warning in recording.warnings if "did not take exposure, lock" in warning]
+    assert len(told) == 2

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from stereo_gpu.errors import InputError
 from stereo_gpu.images import PICTURE_SUFFIXES, read_image
+from stereo_gpu.recording.settings import NO_SETTINGS, CameraSettings
 from stereo_gpu.types import Picture
 
 USUAL_RATE = 30.0  # pictures a second, where none is given: a folder tells no time
@@ -70,9 +71,10 @@ class FolderSource:
     live = False
     stamped = True
     warm_up_s = 0.0
-    refused: tuple[str, ...] = ()
 
-    def __init__(self, pictures: NumberedPictures) -> None:
+    def __init__(self, pictures: NumberedPictures, wanted: CameraSettings = NO_SETTINGS) -> None:
+        # Pictures that were taken are as they are; only their rate can be told.
+        self.refused = tuple(name for name in wanted.asked if name != "fps")
         self.name = str(pictures.folder)
         self.period_s = pictures.period_s
         self.settings: dict[str, float] = {}

@@ -63,9 +63,10 @@ class CameraSettings:
             raise InputError(f"fourcc = {self.fourcc!r:.20}: give the four letters of a pixel format, such as MJPG")
 
     @property
-    def asked(self) -> bool:
-        """Whether anything is asked for."""
-        return any(getattr(self, field.name) not in (None, False) for field in fields(self))
+    def asked(self) -> tuple[str, ...]:
+        """The names of what is asked for."""
+        names = (field.name for field in fields(self) if getattr(self, field.name) not in (None, False))
+        return tuple(name.replace("_", " ") for name in names)
 
 
 NO_SETTINGS = CameraSettings()

@@ -86,7 +86,7 @@ def find_openers(left: Name, right: Name | None, wanted: CameraSettings = NO_SET
             raise InputError(f"{shown[0]} is given for both cameras: name two, or one with both views side by side")
     if folders[0]:
         listed = number_pictures([Path(name) for name in names], wanted.fps)
-        return tuple(lambda part=part: FolderSource(part) for part in listed)
+        return tuple(lambda part=part: FolderSource(part, wanted) for part in listed)
     return tuple(lambda name=name: VideoSource(name, wanted) for name in names)
 
 

@@ -62,7 +62,8 @@ class VideoSource:
             raise InputError(
                 f"camera or video {self.name!r} cannot be opened: check that it is there and that nothing else uses it"
             )
-        self.refused = apply_settings(self._capture, wanted) if self._camera and wanted.asked else ()
+        # Films and streams are as they are.
+        self.refused = apply_settings(self._capture, wanted) if self._camera else wanted.asked
         rate = self._capture.get(cv2.CAP_PROP_FPS)
         self.period_s = 1 / rate if math.isfinite(rate) and 0 < rate <= 10_000 else USUAL_PERIOD_S
         count = self._capture.get(cv2.CAP_PROP_FRAME_COUNT)
