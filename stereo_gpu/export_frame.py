@@ -30,8 +30,7 @@ def check_mesh(mesh: Mesh) -> None:
     Raises:
         InputError: the unit is unknown, an array's shape does not fit, or a vertex is not finite.
     """
-    if mesh.unit not in METRES_SHOWN:
-        raise InputError(f"unknown unit {mesh.unit!r} of a mesh: pass one of {', '.join(METRES_SHOWN)}")
+    check_shown(mesh.unit)
     count = len(mesh.vertices)
     shapes = {"vertices": (count, 3), "faces": (len(mesh.faces), 3), "uv": (count, 2)}
     for name, shape in shapes.items():
@@ -43,3 +42,13 @@ def check_mesh(mesh: Mesh) -> None:
         raise InputError(f"a mesh of {len(mesh.faces)} faces has none or is not finite: build it again")
     if mesh.faces.min() < 0 or mesh.faces.max() >= count:
         raise InputError(f"faces name vertices {mesh.faces.min()} to {mesh.faces.max()} of {count}: build it again")
+
+
+def check_shown(unit: str) -> None:
+    """Refuse a unit of which no metres can be made.
+
+    Raises:
+        InputError: it is unknown.
+    """
+    if unit not in METRES_SHOWN:
+        raise InputError(f"unknown unit {unit!r} of a model: its rig must have one of {', '.join(METRES_SHOWN)}")

@@ -18,6 +18,7 @@ from stereo_gpu.config import MeshOptions
 from stereo_gpu.decimate import decimate
 from stereo_gpu.disparity_range import find_range
 from stereo_gpu.errors import InputError
+from stereo_gpu.export_frame import check_shown
 from stereo_gpu.fairing import fair
 from stereo_gpu.images import check_pair, read_image
 from stereo_gpu.job import Job, Rectangle, check_against, plan_job
@@ -145,6 +146,7 @@ def reconstruct(
             found = self_calibrate(raw_left, raw_right, known, (left, right))
             rig = found.rig
         check_sizes(raw_left, rig)
+        check_shown(rig.unit)
     with watch.step("check"):
         checked = check_rig(raw_left, raw_right, rig)
         if not ignore_check:
@@ -183,6 +185,7 @@ def reconstruct_rectified(
     with watch.step("read"):
         inputs = {"left": _describe(pair.left), "right": _describe(pair.right)}
         check_pair(pair.left, pair.right)
+        check_shown(pair.unit)
         job = check_against(job, pair.left)
         held = DevicePair(
             left=device.upload(pair.left),

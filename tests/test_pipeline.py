@@ -229,6 +229,13 @@ def test_wrong_pictures(small_scene, pictures, tmp_path):
             sg.reconstruct(*pair, small_scene.rig, **QUICK)
 
 
+def test_a_unit_that_no_model_can_have_is_refused_before_any_work(small_scene, pictures):
+    stages = []
+    with pytest.raises(InputError, match="'furlong' of a model: its rig must have one of mm"):
+        sg.reconstruct(*pictures, dataclasses.replace(small_scene.rig, unit="furlong"), progress=stages.append, **QUICK)
+    assert stages == ["read", "rig"]
+
+
 def test_a_rig_that_does_not_fit_warns_and_then_is_refused(small_scene, pictures):
     rigs = {}
     for degrees in (0.2, 0.6):
