@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from scipy.stats import f as fisher
 
 from stereo_gpu.epipolar.points import homogeneous, normaliser, sampson_distances
 from stereo_gpu.errors import InputError
@@ -34,6 +33,8 @@ def refuse_degenerate(points_left: Doubles, points_right: Doubles, F: Doubles) -
     Raises:
         InputError: the points lie on a line or in a plane, or the camera only turned.
     """
+    from scipy.special import fdtri
+
     count = len(points_left)
     for side, points in (("left", points_left), ("right", points_right)):
         length, width = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
@@ -47,7 +48,8 @@ def refuse_degenerate(points_left: Doubles, points_right: Doubles, F: Doubles) -
     plane = np.sqrt((residuals**2).sum() / free_plane)
     epipolar = np.sqrt((sampson_distances(F, points_left, points_right) ** 2).sum() / free_epipolar)
     extent = float(np.sqrt(np.mean([points.var(axis=0).sum() for points in (points_left, points_right)])))
-    needed = max(LEAST_DEPTH, float(np.sqrt(fisher.ppf(SIGNIFICANT, free_plane, free_epipolar))))
+    # The quantile of Fisher's distribution; scipy.stats has it too, and takes half a second to import.
+    needed = max(LEAST_DEPTH, float(np.sqrt(fdtri(free_plane, free_epipolar, SIGNIFICANT))))
     if plane <= ANY_PLANE * extent and plane <= needed * max(epipolar, ROUNDING * extent):
         raise InputError(
             f"the {count} points lie in a plane, or the camera only turned (a homography fits to {plane:.2g} px),"
