@@ -30,6 +30,7 @@ from stereo_gpu.recording.settings import NO_SETTINGS, CameraSettings
 from stereo_gpu.recording.source_thread import Stopped
 from stereo_gpu.recording.sources import Name, find_openers
 from stereo_gpu.recording.stereo_reader import StereoReader
+from stereo_gpu.recording.words import counted
 from stereo_gpu.types import Doubles
 
 # Half a frame at 30 a second. Two free-running cameras paired by nearest time are never further apart unless one lost
@@ -73,14 +74,14 @@ class Recording:
 
     def __str__(self) -> str:
         """One line: how many were taken and dropped, and the skews' median, 95th percentile and largest."""
-        parts = [f"{_count(self.taken, 'pair')} taken, {self.dropped} dropped for their skew"]
+        parts = [f"{counted(self.taken, 'pair')} taken, {self.dropped} dropped for their skew"]
         if self.taken:
             middle, high, most = np.percentile(self.skews_ms, (50, 95, 100))
             parts[0] += f"; skew {middle:.1f} ms (median), {high:.1f} ms (95 %), {most:.1f} ms (largest)"
         if any(self.unmatched):
             parts.append(f"without a partner: {self.unmatched[0]} left and {self.unmatched[1]} right pictures")
         if self.damaged:
-            parts.append(f"damaged on the way: {_count(self.damaged, 'pair')}")
+            parts.append(f"damaged on the way: {counted(self.damaged, 'pair')}")
         return "; ".join(parts)
 
 
@@ -148,7 +149,7 @@ def capture(
             if not tally.skews_ms:
                 raise
             taken = len(tally.skews_ms)
-            what = f"{_count(taken, 'pair')} before that {'is' if taken == 1 else 'are'} whole in {folder}"
+            what = f"{counted(taken, 'pair')} before that {'is' if taken == 1 else 'are'} whole in {folder}"
             raise type(error)(f"{error}; {what}, and a new run goes on after them") from error
         finally:
             feed.close()
@@ -299,7 +300,3 @@ def _quiet_opencv() -> Iterator[None]:
         yield
     finally:
         cv2.utils.logging.setLogLevel(level)
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number:,} {what}{'' if number == 1 else 's'}"

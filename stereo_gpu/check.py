@@ -8,9 +8,9 @@ import numpy as np
 
 from stereo_gpu.epipolar.consensus import agreeing, enough
 from stereo_gpu.epipolar.faults import BEHIND, share_behind
-from stereo_gpu.epipolar.features import WORKING_SIDE, match_features
+from stereo_gpu.epipolar.features import WORKING_SIDE
 from stereo_gpu.epipolar.rows import Rows
-from stereo_gpu.epipolar.sharpen import sharpen_matches
+from stereo_gpu.epipolar.sharpen import match_sharply
 from stereo_gpu.errors import InputError
 from stereo_gpu.images import check_pair
 from stereo_gpu.types import Picture
@@ -49,7 +49,7 @@ def check_rectified(left: Picture, right: Picture, *, offset_px: float = 0.0) ->
         PictureError: they are no such pictures.
     """
     check_pair(left, right)
-    points_left, points_right = sharpen_matches(left, right, *match_features(left, right))
+    points_left, points_right = match_sharply(left, right)
     side = max(left.shape[:2])
     apart = points_left - points_right
     # The frame's longer side serves as focal length, which only sets how places and disparities are weighed.

@@ -140,15 +140,15 @@ def reconstruct(
         if distance is not None:
             distance.refuse_outside((raw_left.shape[1], raw_left.shape[0]))
         job = check_against(job, raw_left)
-    found = None
+    found, matches = None, None
     with watch.step("rig"):
         if rig is None:
             found = self_calibrate(raw_left, raw_right, known, (left, right))
-            rig = found.rig
+            rig, matches = found.rig, (found.matched.found_left, found.matched.found_right)
         check_sizes(raw_left, rig)
         check_shown(rig.unit)
     with watch.step("check"):
-        checked = check_rig(raw_left, raw_right, rig)
+        checked = check_rig(raw_left, raw_right, rig, matches=matches)
         if not ignore_check:
             refuse_bad(checked)
     with watch.step("rectify"):

@@ -13,9 +13,9 @@ from stereo_gpu.epipolar.consensus import ENOUGH, agree_without_rig, agreeing, e
 from stereo_gpu.epipolar.drift import drifted, fit_drift
 from stereo_gpu.epipolar.error_map import ErrorMap, map_errors
 from stereo_gpu.epipolar.faults import BEHIND, Explanation, Fault, explain, share_behind
-from stereo_gpu.epipolar.features import WORKING_SIDE, match_features
+from stereo_gpu.epipolar.features import WORKING_SIDE
 from stereo_gpu.epipolar.rows import Rows, find_rows, focal_length, rays
-from stereo_gpu.epipolar.sharpen import sharpen_matches
+from stereo_gpu.epipolar.sharpen import match_sharply
 from stereo_gpu.errors import InputError
 from stereo_gpu.images import check_pair
 from stereo_gpu.rectify import check_sizes, plan_rectification
@@ -96,12 +96,13 @@ class RigCheck:
         }
 
 
-def check_rig(left: Picture, right: Picture, rig: Rig) -> RigCheck:
+def check_rig(left: Picture, right: Picture, rig: Rig, *, matches: tuple[Doubles, Doubles] | None = None) -> RigCheck:
     """Say whether a rig is still good, from a raw pair: matched SIFT features must lie on the rows that it gives.
 
     Args:
         left, right: raw pictures of the rig's cameras, (H, W) or (H, W, 3), uint8 or uint16.
         rig: the calibrated pair of cameras.
+        matches: (N, 2) px each, what `match_sharply` finds in this very pair, if that is known already.
 
     Returns:
         The errors over the frame, what explains them, and the verdict: good up to a median error of 0.5 px, bad
@@ -113,9 +114,9 @@ def check_rig(left: Picture, right: Picture, rig: Rig) -> RigCheck:
     check_pair(left, right)
     check_sizes(left, rig)
     plan_rectification(rig)  # refuses cameras that stand above each other
-    points_left, points_right = sharpen_matches(left, right, *match_features(left, right))
-    matches, size = len(points_left), (left.shape[1], left.shape[0])
-    if matches and np.array_equal(left, right):
+    points_left, points_right = match_sharply(left, right) if matches is None else matches
+    matched, size = len(points_left), (left.shape[1], left.shape[0])
+    if matched and np.array_equal(left, right):
         raise InputError("both pictures are one and the same: give one of each camera")
     focal = focal_length(rig)
     scale = max(1.0, max(size) / WORKING_SIDE)
@@ -124,7 +125,7 @@ def check_rig(left: Picture, right: Picture, rig: Rig) -> RigCheck:
     good = agreeing(rows, focal, scale=scale)
     if not enough(good):
         other = agree_without_rig(points_left, points_right, scale)
-        return _no_rows(matches, int(good.sum()), size, other=other)
+        return _no_rows(matched, int(good.sum()), size, other=other)
     some = _spread(good)
     drift, _ = fit_drift(sides[0][some], sides[1][some], rig, focal)
     moved = drifted(rig, drift)
@@ -141,7 +142,7 @@ def check_rig(left: Picture, right: Picture, rig: Rig) -> RigCheck:
     behind = share_behind(rows)
     verdict = _judge(error, len(errors), found.fault, behind)
     return RigCheck(
-        matches=matches,
+        matches=matched,
         vertical_px=error,
         vertical_95_px=float(np.percentile(errors, 95)),
         bias_px=float(np.median(rows.vertical)),

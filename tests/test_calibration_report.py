@@ -8,6 +8,7 @@ import boards
 import cv2
 import numpy as np
 import pytest
+from conftest import missing
 from pages import Page
 
 from stereo_gpu.boards.board import Board
@@ -342,8 +343,9 @@ def test_real_boards(board_calibration, tmp_path):
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="no browser: chromium is not installed")
 def test_the_browser_draws_what_python_drew(tmp_path):
+    if CHROMIUM is None:
+        missing("chromium", "no browser; install chromium")
     page, text = write(tmp_path, make(5))
     click = "<script>document.querySelector('[data-view=first]').click();document.title='turned'</script></body>"
     (tmp_path / "rig.html").write_text(text.replace("</body>", click), encoding="utf-8")

@@ -170,6 +170,7 @@ def _chooser(options: argparse.Namespace, stack: ExitStack) -> tuple[Chooser | N
 def _count_in(chooser: BoardChooser, folder: Path) -> None:
     """Let the pairs of an earlier run into the same folder count."""
     from stereo_gpu.images import read_image
+    from stereo_gpu.recording.words import counted
 
     known = 0
     for left in sorted(folder.glob("left*.png")):
@@ -177,7 +178,9 @@ def _count_in(chooser: BoardChooser, folder: Path) -> None:
         if right.is_file():
             known += chooser.count_in(read_image(left), read_image(right))
     if known:
-        print(f"stereo-gpu: {known} pairs with the board are in {folder} and count", file=sys.stderr, flush=True)
+        verbs = ("is", "counts") if known == 1 else ("are", "count")
+        told = f"{counted(known, 'pair')} with the board {verbs[0]} in {folder} and {verbs[1]}"
+        print(f"stereo-gpu: {told}", file=sys.stderr, flush=True)
 
 
 def _sum_up(recording: Recording, options: argparse.Namespace) -> None:

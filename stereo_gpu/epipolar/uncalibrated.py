@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 
 from stereo_gpu.epipolar.faults import BEHIND
-from stereo_gpu.epipolar.features import match_features
 from stereo_gpu.epipolar.points import check_points
 from stereo_gpu.epipolar.pose import (
     LEAST_PARALLAX,
@@ -22,7 +21,7 @@ from stereo_gpu.epipolar.pose import (
 )
 from stereo_gpu.epipolar.robust import WITHIN, Fit, best_of, fit_robustly, misfit
 from stereo_gpu.epipolar.rows import find_rows, focal_length
-from stereo_gpu.epipolar.sharpen import sharpen_matches
+from stereo_gpu.epipolar.sharpen import match_sharply
 from stereo_gpu.errors import InputError, StageError
 from stereo_gpu.images import check_pair
 from stereo_gpu.rig import Camera, Rig
@@ -47,19 +46,28 @@ class SelfCalibration:
     Args:
         rig: both cameras of one focal length and lens, principal points in the middle; T of length 1, in baselines.
         points_left, points_right: (N, 2) px, the matches that fit.
-        matches: how many there were in all.
+        found_left, found_right: (M, 2) px, all matches that there were.
         vertical_px: median distance between the rows of those that fit, once rectified.
-        focal_px: of both cameras.
-        focal_known: whether it was given; where it is guessed, depth is stretched as much as it is wrong.
+        focal_known: whether the focal length was given; where it is guessed, depth is stretched as much as it is wrong.
     """
 
     rig: Rig
     points_left: Doubles
     points_right: Doubles
-    matches: int
+    found_left: Doubles
+    found_right: Doubles
     vertical_px: float
-    focal_px: float
     focal_known: bool
+
+    @property
+    def matches(self) -> int:
+        """How many matches there were in all."""
+        return len(self.found_left)
+
+    @property
+    def focal_px(self) -> float:
+        """Focal length of both cameras."""
+        return float(self.rig.left.matrix[0, 0])
 
 
 def rig_from_pair(left: Picture, right: Picture, *, focal_px: float | None = None) -> SelfCalibration:
@@ -77,7 +85,7 @@ def rig_from_pair(left: Picture, right: Picture, *, focal_px: float | None = Non
         StageError: the pictures do not show enough in common, or were taken from one place.
     """
     check_pair(left, right)
-    points = sharpen_matches(left, right, *match_features(left, right))
+    points = match_sharply(left, right)
     if len(points[0]) < FEWEST:
         raise StageError(
             f"{len(points[0])} features match, {FEWEST} are needed: give two pictures of one scene with texture,"
@@ -141,9 +149,9 @@ def rig_from_points(
         rig=rig,
         points_left=left[fits],
         points_right=right[fits],
-        matches=len(left),
+        found_left=left,
+        found_right=right,
         vertical_px=float(np.median(np.abs(vertical_errors(rig, left[fits], right[fits])))),
-        focal_px=focal,
         focal_known=focal_px is not None,
     )
 

@@ -10,6 +10,7 @@ from typing import TextIO
 
 from stereo_gpu.boards.pair_coverage import by_picture
 from stereo_gpu.recording.board_watch import Look
+from stereo_gpu.recording.words import counted
 from stereo_gpu.types import Ints
 
 REDRAW_S = 0.1
@@ -70,12 +71,12 @@ class TerminalMap:
             self._status, self._since_s = look.status, now
         if look.taken or (now - self._since_s >= SETTLED_S and look.status != self._told):
             self._told = look.status
-            self._write(f"stereo-gpu: {_pairs(look.pairs)}, {look.progress:.0%}: {look.status}\n")
+            self._write(f"stereo-gpu: {counted(look.pairs, 'pair')}, {look.progress:.0%}: {look.status}\n")
 
     def _lines(self, look: Look) -> list[str]:
         width, height = shutil.get_terminal_size()
         full = int(BAR_WIDTH * look.progress)
-        bar = f"[{'#' * full}{'.' * (BAR_WIDTH - full)}] {look.progress:4.0%}  {_pairs(look.pairs)}"
+        bar = f"[{'#' * full}{'.' * (BAR_WIDTH - full)}] {look.progress:4.0%}  {counted(look.pairs, 'pair')}"
         lines = [bar, look.status]
         maps = [_map(cells, self._signs) for cells in look.cells]
         wide = len(maps[0][0])
@@ -105,7 +106,3 @@ def _can_show(stream: TextIO, text: str) -> bool:
     except (UnicodeEncodeError, LookupError):
         return False
     return True
-
-
-def _pairs(count: int) -> str:
-    return f"{count} pair{'' if count == 1 else 's'}"
