@@ -116,13 +116,6 @@ def propose(
     )
 
 
-def pair_corners(
-    left: Sequence[LensView], right: Sequence[LensView], board: Board, matrix: Doubles, distortion: Doubles
-) -> Agreement:
-    """Give the right corners of every view the ids of the left ones; arguments as of `propose`."""
-    return propose(left, right, board, matrix, distortion).agreement()
-
-
 def _orders(board: Board) -> list[NDArray[np.intp]]:
     """The orders in which the same corners can be listed; the one as found comes first."""
     columns, rows = board.corners
