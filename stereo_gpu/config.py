@@ -137,15 +137,25 @@ class MeshOptions:
     """How a mesh is made of a disparity map.
 
     Args:
+        method: "bounded" (few triangles within `error_px` of the map) or "dense" (two a pixel).
+        error_px: how far the bounded mesh may lie from a pixel's disparity, px.
         max_jump_px: disparity difference over which two pixels are not on one surface, px.
+        largest_hole: holes of up to so many pixels are closed along their surface; 0 for none, None for all.
+        smallest_part: a connected part that covers less than this many pixels is dropped.
         faces: number of triangles to decimate to; 0 keeps them all.
+        decimate_error: or how far decimation may move the surface, in the rig's unit; None for `faces` alone.
         smoothing: passes of the smoothing filter; 0 for none.
         unwrap: "charts" (xatlas) or "view" (the reference picture's own coordinates).
         unwrap_seconds: time limit for the charts, after which "view" is taken.
     """
 
+    method: str = "bounded"
+    error_px: float = 0.25
     max_jump_px: float = 3.0
+    largest_hole: int | None = 400
+    smallest_part: int = 150
     faces: int = 50_000
+    decimate_error: float | None = None
     smoothing: int = 10
     unwrap: str = "charts"
     unwrap_seconds: float = 60.0

@@ -15,29 +15,25 @@ import numpy as np
 from stereo_gpu.advice import find_warnings
 from stereo_gpu.backends import Backend, open_backend
 from stereo_gpu.config import MeshOptions
-from stereo_gpu.decimate import decimate
 from stereo_gpu.disparity_range import find_range
 from stereo_gpu.errors import InputError
 from stereo_gpu.export_frame import check_shown
-from stereo_gpu.fairing import fair
 from stereo_gpu.images import check_pair, read_image
 from stereo_gpu.job import Job, Rectangle, check_against, plan_job
 from stereo_gpu.known_distance import KnownDistance, scale_to
 from stereo_gpu.mask import mask_from_depth, mask_from_rectangle
 from stereo_gpu.match_options import Range, Window
-from stereo_gpu.mesh import build_mesh
+from stereo_gpu.model import build_model
 from stereo_gpu.prepare import find_levels, grey_scale
 from stereo_gpu.rectify import DevicePair, check_sizes, download_pair, plan_rectification, rectify_on
 from stereo_gpu.result import Reconstruction
 from stereo_gpu.rig import Rig
 from stereo_gpu.rig_check import RigCheck, check_rig, ideal_rig, refuse_bad
 from stereo_gpu.self_calibrate import Known, RigFound, self_calibrate
-from stereo_gpu.texture import bake_texture, project
 from stereo_gpu.tiles import match_in_tiles
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.triangulate import triangulate_on
-from stereo_gpu.types import UNSCALED, Bytes, Disparity, Floats, Mesh, Picture, RectifiedPair, Validity, View
-from stereo_gpu.unwrap import unwrap
+from stereo_gpu.types import UNSCALED, Bytes, Disparity, Floats, Picture, RectifiedPair, Validity, View
 
 STAGES = (
     "read",
@@ -249,19 +245,8 @@ def _from_rectified(
             pair, points = scale_to(setup.distance, pair, points, setup.rig, job.view)
         if job.depth is not None:
             disparity, points = _cut_depth(disparity, points, job.depth)
-    centre = (pair.baseline if job.view is View.RIGHT else 0.0, 0.0, 0.0)
-    with watch.step("mesh"):
-        surface = build_mesh(disparity.values, points, max_jump_px=job.mesh.max_jump_px, centre=centre)
-    with watch.step("decimate"):
-        decimated = decimate(surface, job.mesh.faces, centre=centre) if job.mesh.faces else surface
-    with watch.step("smooth"):
-        smoothed = fair(decimated, iterations=job.mesh.smoothing, centre=centre)
-    with watch.step("unwrap"):
-        seen = project(smoothed.vertices, pair, job.view)[:, :2]
-        unwrapped = unwrap(smoothed, seen, method=job.mesh.unwrap, time_limit_s=job.mesh.unwrap_seconds)
-    with watch.step("texture"):
-        on_device, raw = (held.left, raw_left) if job.view is View.LEFT else (held.right, raw_right)
-        texture = bake_texture(device, on_device, grey_scale(raw), unwrapped, pair, job.view)
+    on_device, raw = (held.left, raw_left) if job.view is View.LEFT else (held.right, raw_right)
+    model = build_model(device, disparity.values, points, pair, job.view, on_device, grey_scale(raw), job.mesh, watch)
     return Reconstruction(
         raw_left=raw_left,
         raw_right=raw_right,
@@ -269,9 +254,9 @@ def _from_rectified(
         mask=wanted,
         disparity=disparity,
         points=points,
-        surface=surface,
-        smoothed=smoothed,
-        mesh=Mesh(vertices=unwrapped.vertices, faces=unwrapped.faces, uv=unwrapped.uv, texture=texture, unit=pair.unit),
+        surface=model.surface,
+        smoothed=model.smoothed,
+        mesh=model.mesh,
         inputs=inputs,
         options={
             **disparity.options,
@@ -283,14 +268,14 @@ def _from_rectified(
             # JSON knows no infinity: null is an open end.
             "depth": None if job.depth is None else tuple(end if math.isfinite(end) else None for end in job.depth),
             **{f"mesh.{name}": value for name, value in dataclasses.asdict(job.mesh).items()},
-            "mesh.unwrap_used": unwrapped.method,
+            "mesh.unwrap_used": model.unwrapped.method,
         },
         rig=setup.rig,
         checked=setup.checked,
         found=setup.found,
         seconds=dict(watch.seconds),
         warnings=[
-            *find_warnings(setup.checked, disparity, unwrapped, pair.cx_left - pair.cx_right),
+            *find_warnings(setup.checked, disparity, model.unwrapped, pair.cx_left - pair.cx_right),
             *(setup.found.warnings(unscaled=pair.unit == UNSCALED) if setup.found else ()),
         ],
     )

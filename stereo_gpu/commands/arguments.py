@@ -11,6 +11,7 @@ from stereo_gpu.errors import InputError
 
 if TYPE_CHECKING:
     from stereo_gpu.boards.board import Board
+    from stereo_gpu.config import MeshOptions
 
 
 def add_pair(parser: argparse.ArgumentParser) -> None:
@@ -93,6 +94,53 @@ def add_matching(parser: argparse.ArgumentParser, profile: str) -> None:
     )
 
 
+def add_model(parser: argparse.ArgumentParser) -> None:
+    """How the model is made of a disparity map; `read_mesh_options` reads it."""
+    parser.add_argument(
+        "--mesh", choices=("bounded", "dense"), default="bounded", help="few triangles, or two a pixel (%(default)s)"
+    )
+    parser.add_argument(
+        "--mesh-error", type=float, default=0.25, metavar="PX", help="how far the bounded mesh may stray (%(default)s)"
+    )
+    parser.add_argument(
+        "--close-holes",
+        type=_hole,
+        default=400,
+        metavar="PIXELS",
+        help="holes of up to so many pixels are closed along the surface; none, or all (%(default)s)",
+    )
+    parser.add_argument(
+        "--smallest-part", type=int, default=150, metavar="PIXELS", help="loose parts under this go (%(default)s)"
+    )
+    parser.add_argument("--faces", type=int, default=50_000, help="triangles of the mesh; 0: all (%(default)s)")
+    parser.add_argument(
+        "--decimate-error",
+        type=float,
+        metavar="MM",
+        help="or as far as the surface moves by this at most",
+    )
+    parser.add_argument("--smoothing", type=int, default=10, help="passes of smoothing; 0: none (%(default)s)")
+    parser.add_argument(
+        "--unwrap", choices=("charts", "view"), default="charts", help="texture coordinates (%(default)s)"
+    )
+
+
+def read_mesh_options(options: argparse.Namespace) -> MeshOptions:
+    """The options of `add_model`."""
+    from stereo_gpu.config import MeshOptions
+
+    return MeshOptions(
+        method=options.mesh,
+        error_px=options.mesh_error,
+        largest_hole=options.close_holes,
+        smallest_part=options.smallest_part,
+        faces=options.faces,
+        decimate_error=options.decimate_error,
+        smoothing=options.smoothing,
+        unwrap=options.unwrap,
+    )
+
+
 def numbers(kind: type, count: int) -> Callable[[str], tuple[float, ...]]:
     """A reader of `count` numbers with commas between them."""
 
@@ -119,3 +167,12 @@ def _window(text: str) -> object:
         return int(text)
     except ValueError as error:
         raise argparse.ArgumentTypeError(f"{text!r}: give the side of a square in px, or auto") from error
+
+
+def _hole(text: str) -> int | None:
+    if text in ("none", "all"):
+        return 0 if text == "none" else None
+    try:
+        return int(text)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text!r}: give a number of pixels, none or all") from error

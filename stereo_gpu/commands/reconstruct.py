@@ -6,7 +6,15 @@ import argparse
 import sys
 from pathlib import Path
 
-from stereo_gpu.commands.arguments import add_backend, add_matching, add_pair, add_rig, numbers
+from stereo_gpu.commands.arguments import (
+    add_backend,
+    add_matching,
+    add_model,
+    add_pair,
+    add_rig,
+    numbers,
+    read_mesh_options,
+)
 from stereo_gpu.commands.pictures import read_mask
 from stereo_gpu.progress import Progress
 
@@ -31,11 +39,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--rectangle", type=numbers(int, 4), metavar="X,Y,W,H", help="box around the object; GrabCut finds its outline"
     )
     parser.add_argument("--depth", type=numbers(float, 2), metavar="NEAR,FAR", help="wanted depths, in the rig's unit")
-    parser.add_argument("--faces", type=int, default=50_000, help="triangles of the mesh; 0: all (%(default)s)")
-    parser.add_argument("--smoothing", type=int, default=10, help="passes of smoothing; 0: none (%(default)s)")
-    parser.add_argument(
-        "--unwrap", choices=("charts", "view"), default="charts", help="texture coordinates (%(default)s)"
-    )
+    add_model(parser)
     parser.add_argument(
         "--ignore-check",
         action="store_true",
@@ -46,7 +50,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Reconstruct a raw pair and write everything."""
-    from stereo_gpu.config import MeshOptions
     from stereo_gpu.files import check_writable
     from stereo_gpu.images import check_pair, read_image
     from stereo_gpu.known_distance import KnownDistance
@@ -79,7 +82,7 @@ def run(options: argparse.Namespace) -> None:
             reference=options.reference,
             rectangle=options.rectangle,
             depth=options.depth,
-            mesh=MeshOptions(faces=options.faces, smoothing=options.smoothing, unwrap=options.unwrap),
+            mesh=read_mesh_options(options),
             tile=options.tile,
             ignore_check=options.ignore_check,
             progress=progress.step,

@@ -1,0 +1,75 @@
+"""From a disparity map and its points to a textured mesh: the stages of the model, a line each."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from stereo_gpu.backends import Backend, DeviceArray
+from stereo_gpu.config import MeshOptions
+from stereo_gpu.decimate import decimate
+from stereo_gpu.fairing import fair
+from stereo_gpu.mesh import build_mesh
+from stereo_gpu.texture import bake_texture, project
+from stereo_gpu.timing import Stopwatch
+from stereo_gpu.types import Floats, Mesh, RectifiedPair, Surface, View
+from stereo_gpu.unwrap import Unwrapped, unwrap
+
+
+@dataclass(frozen=True, kw_only=True)
+class Model:
+    """A mesh, and what it was made from.
+
+    Args:
+        surface: as it comes from the disparity map.
+        smoothed: decimated and smoothed.
+        unwrapped: the same with texture coordinates.
+        mesh: the same with its texture.
+    """
+
+    surface: Surface
+    smoothed: Surface
+    unwrapped: Unwrapped
+    mesh: Mesh
+
+
+def build_model(
+    device: Backend,
+    values: Floats,
+    points: Floats,
+    pair: RectifiedPair,
+    view: View,
+    picture: DeviceArray,
+    scale: float,
+    options: MeshOptions,
+    watch: Stopwatch,
+) -> Model:
+    """Mesh what a view shows, and put its picture on it.
+
+    Args:
+        device: where the texture is baked.
+        values: (H, W) float32 disparity on `view`, px; NaN where there is none.
+        points: (H, W, 3) float32, the point that each pixel shows.
+        pair: for its geometry.
+        view: which the map is laid out on.
+        picture: its rectified picture, on the device.
+        scale: factor that takes the picture's values to 0..255.
+        options: how the mesh is made.
+        watch: times the stages.
+
+    Raises:
+        StageError: nothing is left to make a mesh of.
+    """
+    centre = (pair.baseline if view is View.RIGHT else 0.0, 0.0, 0.0)
+    with watch.step("mesh"):
+        surface = build_mesh(values, points, max_jump_px=options.max_jump_px, centre=centre)
+    with watch.step("decimate"):
+        decimated = decimate(surface, options.faces, centre=centre) if options.faces else surface
+    with watch.step("smooth"):
+        smoothed = fair(decimated, iterations=options.smoothing, centre=centre)
+    with watch.step("unwrap"):
+        seen = project(smoothed.vertices, pair, view)[:, :2]
+        unwrapped = unwrap(smoothed, seen, method=options.unwrap, time_limit_s=options.unwrap_seconds)
+    with watch.step("texture"):
+        texture = bake_texture(device, picture, scale, unwrapped, pair, view)
+    mesh = Mesh(vertices=unwrapped.vertices, faces=unwrapped.faces, uv=unwrapped.uv, texture=texture, unit=pair.unit)
+    return Model(surface=surface, smoothed=smoothed, unwrapped=unwrapped, mesh=mesh)
