@@ -37,25 +37,34 @@ def read_image(path: str | os.PathLike[str]) -> Picture:
             type than uint8 or uint16, or too large.
     """
     path = Path(path)
-    data = _read_bytes(path)
+    picture = decode_image(_read_bytes(path), str(path))
+    _check_size(str(path), picture)
+    return picture
+
+
+def decode_image(data: bytes, name: str) -> Picture:
+    """The picture that the bytes of a file hold, of any size; as `read_image` says.
+
+    Raises:
+        PictureError: as there, but for a size that is too small; the message opens with `name`.
+    """
     flaw, size = _look(data)
     if size is not None and size[0] * size[1] > PIXEL_LIMIT:
         raise PictureError(
-            f"{path} says it is {size[0]} x {size[1]} px, the limit is {PIXEL_LIMIT // 10**6} megapixels: scale it down"
+            f"{name} says it is {size[0]} x {size[1]} px, the limit is {PIXEL_LIMIT // 10**6} megapixels: scale it down"
         )
     decoded = None if flaw else _decode(data)
     if decoded is None:
-        raise PictureError(f"{path} {flaw or 'cannot be decoded'}: copy it again or save it as PNG")
+        raise PictureError(f"{name} {flaw or 'cannot be decoded'}: copy it again or save it as PNG")
     if decoded.dtype not in (np.uint8, np.uint16):
-        raise PictureError(f"{path} holds {decoded.dtype} numbers: save it with 8 or 16 bits")
+        raise PictureError(f"{name} holds {decoded.dtype} numbers: save it with 8 or 16 bits")
     channels = 1 if decoded.ndim == 2 else decoded.shape[2]
     if channels == 4:
-        logger.info("%s: alpha channel dropped", path)
+        logger.info("%s: alpha channel dropped", name)
     if channels in (3, 4):
         decoded = cv2.cvtColor(decoded, cv2.COLOR_BGR2RGB if channels == 3 else cv2.COLOR_BGRA2RGB)
     elif channels != 1:
-        raise PictureError(f"{path} has {channels} channels: save it as grey or RGB")
-    _check_size(str(path), decoded)
+        raise PictureError(f"{name} has {channels} channels: save it as grey or RGB")
     picture: Picture = decoded
     return picture
 
