@@ -6,10 +6,12 @@ import glob
 import logging
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from stereo_gpu.errors import InputError
-from stereo_gpu.images import PICTURE_SUFFIXES
-from stereo_gpu.types import Bytes
+
+if TYPE_CHECKING:
+    from stereo_gpu.types import Bytes
 
 SIDES = ("left", "right")
 
@@ -51,6 +53,8 @@ def _split_folder(folder: Path) -> tuple[list[Path], list[Path]]:
 
 
 def _list(folder: Path) -> list[Path]:
+    from stereo_gpu.images import PICTURE_SUFFIXES
+
     try:
         return sorted(file for file in folder.iterdir() if file.suffix.lower() in PICTURE_SUFFIXES)
     except OSError as error:
