@@ -11,6 +11,7 @@ import threading
 from functools import cache
 
 from stereo_gpu.backends.contract import Backend, DeviceArray, DeviceStatus
+from stereo_gpu.backends.cuda import has_cuda_driver
 from stereo_gpu.errors import BackendError
 
 __all__ = ["Backend", "DeviceArray", "DeviceStatus", "devices", "open_backend"]
@@ -70,10 +71,12 @@ def _load(name: str) -> Backend:
 @cache
 def _best() -> str:
     """The first usable of: CUDA through Warp, an OpenCL GPU, an OpenCL CPU, Warp on the CPU."""
-    usable = [status.name for status in devices() if status.available]
-    if not usable:
-        raise BackendError("nothing here can compute: see `stereo-gpu doctor`")
-    return usable[0]
+    # Without CUDA an OpenCL device comes first, whatever Warp has, so that Warp need not be imported.
+    for languages in [("warp", "opencl")] if has_cuda_driver() else [("opencl",), ("warp",)]:
+        found = [status for language in languages for status in _statuses(language) if status.available]
+        if found:
+            return min(found, key=_rank).name
+    raise BackendError("nothing here can compute: see `stereo-gpu doctor`")
 
 
 def _rank(status: DeviceStatus) -> tuple[bool, bool, bool]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
 import threading
 import time
@@ -16,6 +15,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from stereo_gpu.backends.bands import Crew, banded, cut, usable_cores
 from stereo_gpu.backends.contract import KEPT_SCRATCH_BYTES, Backend, DeviceArray, DeviceStatus, Kind, host_memory
+from stereo_gpu.backends.cuda import has_cuda_driver
 from stereo_gpu.errors import BackendError, MemoryLimitError
 from stereo_gpu.kernels.geometry import Geometry, geometry
 from stereo_gpu.kernels.warp import program as find_program
@@ -48,17 +48,6 @@ def statuses() -> list[DeviceStatus]:
         reason = "the CUDA driver (libcuda) cannot be loaded"
         found = [DeviceStatus("warp:cuda:0", "CUDA through Warp", "gpu", reason, _DRIVER)]
     return [*found, DeviceStatus("warp:cpu", f"CPU through Warp {wp.__version__}", "cpu")]
-
-
-def has_cuda_driver() -> bool:
-    """Whether a CUDA driver can be loaded; asked before Warp, which complains on standard error if not."""
-    for library in ("libcuda.so.1", "nvcuda.dll"):
-        try:
-            ctypes.CDLL(library)
-        except OSError:
-            continue
-        return True
-    return False
 
 
 def open_device(part: str) -> Backend:
