@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from stereo_gpu.export_frame import check_mesh, encode_png, to_viewer
+from stereo_gpu.export_frame import check_mesh, to_viewer
 from stereo_gpu.files import write_whole
+from stereo_gpu.texture_file import pack_texture
 from stereo_gpu.types import Mesh
 
 
@@ -39,7 +40,7 @@ def write_obj(path: str | os.PathLike[str], mesh: Mesh) -> list[Path]:
     ]
     # illum 1 without highlights: plain diffuse, as near to the photo as the format allows.
     described = f"newmtl photo\nKa 1 1 1\nKd 1 1 1\nKs 0 0 0\nillum 1\nmap_Kd {picture.name}\n"
-    write_whole(picture, encode_png(mesh.texture))
+    write_whole(picture, pack_texture(mesh.texture))
     write_whole(material, described)
     return [write_whole(path, "".join(lines)), material, picture]
 

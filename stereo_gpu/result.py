@@ -15,6 +15,7 @@ import numpy as np
 from stereo_gpu import export, figures
 from stereo_gpu.check_figure import draw_check
 from stereo_gpu.epipolar.figure import draw_epipolar_curves
+from stereo_gpu.export_gltf import standpoint
 from stereo_gpu.files import whole_folder, write_whole
 from stereo_gpu.images import write_png
 from stereo_gpu.prepare import grey_scale
@@ -23,6 +24,7 @@ from stereo_gpu.report import Figure, write_report
 from stereo_gpu.rig import Rig
 from stereo_gpu.rig_check import RigCheck
 from stereo_gpu.self_calibrate import RigFound
+from stereo_gpu.texture_file import check_texture_format
 from stereo_gpu.types import Bytes, Disparity, Floats, Mesh, Picture, RectifiedPair, Surface, Validity, View
 
 # From the front every model looks like the photograph; a little from the side its depth can be judged.
@@ -72,18 +74,26 @@ class Reconstruction:
         """The rectified picture of the reference view."""
         return self.pair.left if self.disparity.reference is View.LEFT else self.pair.right
 
-    def save(self, folder: str | os.PathLike[str]) -> list[Path]:
+    def save(
+        self, folder: str | os.PathLike[str], *, texture_format: str = "png", quality: int | None = None
+    ) -> list[Path]:
         """Write every file of the result, all of them or none; returns their paths.
 
         These are model.glb, model.obj with .mtl and .png, cloud.ply, surface.vtp, disparity.pfm and .png,
         report.html and result.json.
 
+        Args:
+            folder: is made if missing.
+            texture_format: png, jpeg or webp: how model.glb holds its texture.
+            quality: of JPEG and WebP, 1 to 100; None for 92 and 90.
+
         Raises:
-            InputError: the folder cannot be made or written.
+            InputError: the folder cannot be made or written, or the format or quality is unknown.
         """
+        check_texture_format(texture_format, quality)
         colours = self._colours()
         with whole_folder(folder) as new:
-            export.write_glb(new / "model.glb", self.mesh)
+            self.write_glb(new / "model.glb", texture_format=texture_format, quality=quality)
             export.write_obj(new / "model.obj", self.mesh)
             export.write_ply(new / "cloud.ply", self.points, colours)
             export.write_vtp(new / "surface.vtp", self.mesh)
@@ -98,9 +108,18 @@ class Reconstruction:
                 warnings=self.warnings,
                 mesh=self.mesh,
             )
-            write_whole(new / "result.json", json.dumps(self.record(), indent=1, allow_nan=False) + "\n")
+            record = self.record()
+            record["options"] = {**record["options"], "texture_format": texture_format}
+            write_whole(new / "result.json", json.dumps(record, indent=1, allow_nan=False) + "\n")
             names = sorted(file.name for file in new.iterdir())
         return [Path(folder) / name for name in names]
+
+    def write_glb(
+        self, path: str | os.PathLike[str], *, texture_format: str = "png", quality: int | None = None
+    ) -> Path:
+        """Write the model alone, with the camera that its texture comes from; as `export.write_glb` says."""
+        camera = standpoint(self.pair, self.disparity.reference)
+        return export.write_glb(path, self.mesh, texture_format=texture_format, quality=quality, camera=camera)
 
     def record(self) -> dict[str, Any]:
         """What result.json holds: all that is needed to make this result again, and what came out."""

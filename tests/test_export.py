@@ -39,7 +39,7 @@ def glb_parts(path):
 def accessor(document, binary, index):
     entry = document["accessors"][index]
     view = document["bufferViews"][entry["bufferView"]]
-    kind = {5126: "<f4", 5125: "<u4"}[entry["componentType"]]
+    kind = {5126: "<f4", 5125: "<u4", 5123: "<u2"}[entry["componentType"]]
     columns = {"SCALAR": 1, "VEC2": 2, "VEC3": 3}[entry["type"]]
     return np.frombuffer(binary, kind, entry["count"] * columns, view["byteOffset"]).reshape(-1, columns)
 

@@ -141,6 +141,16 @@ def read_mesh_options(options: argparse.Namespace) -> MeshOptions:
     )
 
 
+def add_texture_format(parser: argparse.ArgumentParser) -> None:
+    """How the GLB holds its texture."""
+    parser.add_argument(
+        "--texture-format",
+        choices=("png", "jpeg", "webp"),
+        default="png",
+        help="of the GLB: png is exact, jpeg half as large and fast, webp smallest but not read everywhere (%(default)s)",
+    )
+
+
 def numbers(kind: type, count: int) -> Callable[[str], tuple[float, ...]]:
     """A reader of `count` numbers with commas between them."""
 

@@ -12,6 +12,7 @@ from stereo_gpu.commands.arguments import (
     add_model,
     add_pair,
     add_rig,
+    add_texture_format,
     numbers,
     read_mesh_options,
 )
@@ -40,6 +41,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--depth", type=numbers(float, 2), metavar="NEAR,FAR", help="wanted depths, in the rig's unit")
     add_model(parser)
+    add_texture_format(parser)
     parser.add_argument(
         "--ignore-check",
         action="store_true",
@@ -88,7 +90,7 @@ def run(options: argparse.Namespace) -> None:
             progress=progress.step,
         )
         progress.step("save")
-        result.save(options.out)
+        result.save(options.out, texture_format=options.texture_format)
     for warning in result.warnings:
         print(f"stereo-gpu: warning: {warning}", file=sys.stderr)
     print(
