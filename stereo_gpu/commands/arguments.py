@@ -147,7 +147,7 @@ def add_texture_format(parser: argparse.ArgumentParser) -> None:
         "--texture-format",
         choices=("png", "jpeg", "webp"),
         default="png",
-        help="of the GLB: png is exact, jpeg half as large and fast, webp smallest but not read everywhere (%(default)s)",
+        help="of the GLB: png is exact, jpeg small and fast, webp smallest but not read everywhere (%(default)s)",
     )
 
 
