@@ -14,6 +14,14 @@ class Profile(StrEnum):
     PRECISE = "precise"
 
 
+class Checking(StrEnum):
+    """How a rig is checked against a pair."""
+
+    FULL = "full"  # by features, before anything is matched
+    ROWS = "rows"  # by the rows of the map, and by features only where these are not plainly right
+    NEVER = "never"
+
+
 @dataclass(frozen=True, kw_only=True)
 class Penalties:
     """What a disparity change along a smooth path costs, where a pixel's own cost is 0 to 146.

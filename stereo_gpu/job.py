@@ -6,7 +6,7 @@ import dataclasses
 import math
 from dataclasses import dataclass
 
-from stereo_gpu.config import MatchOptions, MeshOptions, Profile
+from stereo_gpu.config import Checking, MatchOptions, MeshOptions, Profile
 from stereo_gpu.errors import InputError
 from stereo_gpu.match_options import Range, Window, check_range, choose_options, parse_profile, parse_view
 from stereo_gpu.types import Bytes, Picture, View
@@ -63,6 +63,18 @@ def plan_job(
         depth=None if depth is None else (float(depth[0]), float(depth[1])),
         mesh=mesh,
     )
+
+
+def parse_check(check: str) -> Checking:
+    """How the rig is checked.
+
+    Raises:
+        InputError: there is no such way.
+    """
+    try:
+        return Checking(check)
+    except ValueError:
+        raise InputError(f"check = {check!r:.60}: give full, rows or never") from None
 
 
 def check_against(job: Job, picture: Picture) -> Job:

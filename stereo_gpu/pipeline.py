@@ -14,12 +14,12 @@ import numpy as np
 
 from stereo_gpu.advice import find_warnings
 from stereo_gpu.backends import Backend, open_backend
-from stereo_gpu.config import MeshOptions
+from stereo_gpu.config import Checking, MeshOptions
 from stereo_gpu.disparity_range import find_range
 from stereo_gpu.errors import InputError
 from stereo_gpu.export_frame import check_shown
 from stereo_gpu.images import check_pair, read_image
-from stereo_gpu.job import Job, Rectangle, check_against, plan_job
+from stereo_gpu.job import Job, Rectangle, check_against, parse_check, plan_job
 from stereo_gpu.known_distance import KnownDistance, scale_to
 from stereo_gpu.mask import mask_from_depth, mask_from_rectangle
 from stereo_gpu.match_options import Range, Window
@@ -28,7 +28,8 @@ from stereo_gpu.prepare import find_levels, grey_scale
 from stereo_gpu.rectify import DevicePair, check_sizes, download_pair, plan_rectification, rectify_on
 from stereo_gpu.result import Reconstruction
 from stereo_gpu.rig import Rig
-from stereo_gpu.rig_check import RigCheck, check_rig, ideal_rig, refuse_bad
+from stereo_gpu.rig_check import RigCheck, Verdict, check_rig, ideal_rig, refuse_bad, unchecked
+from stereo_gpu.row_check import check_rows
 from stereo_gpu.self_calibrate import Known, RigFound, self_calibrate
 from stereo_gpu.tiles import match_in_tiles
 from stereo_gpu.timing import Stopwatch
@@ -60,13 +61,17 @@ class Setup:
 
     Args:
         rig: of the raw pictures.
-        checked: what they tell of it.
+        checking: how it is checked.
+        checked: what they tell of it; None where the map is to tell.
+        ignore_check: whether to go on with a rig that does not fit.
         found: how it was had, if it was made from them.
         distance: what sets the scale, where neither rig nor baseline does.
     """
 
     rig: Rig
-    checked: RigCheck
+    checking: Checking
+    checked: RigCheck | None
+    ignore_check: bool
     found: RigFound | None = None
     distance: KnownDistance | None = None
 
@@ -89,6 +94,7 @@ def reconstruct(
     depth: tuple[float, float] | None = None,
     mesh: MeshOptions | None = None,
     tile: int | None = None,
+    check: str = "full",
     ignore_check: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> Reconstruction:
@@ -111,6 +117,9 @@ def reconstruct(
         depth: nearest and farthest depth that is wanted, in the rig's unit.
         mesh: how the mesh is made.
         tile: largest side of the parts that are matched one after another, px; None takes what fits the memory.
+        check: how the rig is checked: "full", by matched features; "rows", by those of the map's places that show on
+            which row they lie, which takes a hundredth of the time, and in full only where that is not plainly good;
+            or "never". Always in full without a rig.
         ignore_check: go on where the rig does not fit the pair: rows over 2 px apart, or swapped pictures. What was
             found is told as a warning.
         progress: told the name of each stage of STAGES as it begins.
@@ -124,8 +133,11 @@ def reconstruct(
         StageError: nothing was left to make a mesh of.
     """
     job = plan_job(profile, disparities, mask, window, reference, rectangle, depth, mesh, tile)
+    checking = parse_check(check)
     known = Known(focal_px=focal_px, baseline=baseline, distance=distance)
-    if rig is not None:
+    if rig is None:
+        checking = Checking.FULL
+    else:
         known.refuse_beside_rig()
     device = open_backend(backend)
     watch = Stopwatch(progress)
@@ -143,15 +155,24 @@ def reconstruct(
             rig, matches = found.rig, (found.matched.found_left, found.matched.found_right)
         check_sizes(raw_left, rig)
         check_shown(rig.unit)
-    with watch.step("check"):
-        checked = check_rig(raw_left, raw_right, rig, matches=matches)
-        if not ignore_check:
-            refuse_bad(checked)
+    checked = unchecked(rig.left.size) if checking is Checking.NEVER else None
+    if checking is Checking.FULL:
+        with watch.step("check"):
+            checked = check_rig(raw_left, raw_right, rig, matches=matches)
+            if not ignore_check:
+                refuse_bad(checked)
     with watch.step("rectify"):
         plan = plan_rectification(rig)
         held = rectify_on(device, raw_left, raw_right, rig, plan)
         pair = download_pair(device, held, plan)
-    setup = Setup(rig=rig, checked=checked, found=found, distance=known.distance)
+    setup = Setup(
+        rig=rig,
+        checking=checking,
+        checked=checked,
+        ignore_check=ignore_check,
+        found=found,
+        distance=known.distance,
+    )
     return _from_rectified(job, device, watch, pair, held, raw_left, raw_right, inputs, setup)
 
 
@@ -194,7 +215,7 @@ def reconstruct_rectified(
         checked = check_rig(pair.left, pair.right, rig)
         if not ignore_check:
             refuse_bad(checked)
-    setup = Setup(rig=rig, checked=checked)
+    setup = Setup(rig=rig, checking=Checking.FULL, checked=checked, ignore_check=ignore_check)
     return _from_rectified(job, device, watch, pair, held, pair.left, pair.right, inputs, setup)
 
 
@@ -239,6 +260,10 @@ def _from_rectified(
             options=job.matching,
             watch=Stopwatch(),
         )
+    checked = setup.checked
+    if checked is None:
+        with watch.step("check"):
+            checked = _check_map(pair, disparity, raw_left, raw_right, setup)
     with watch.step("triangulate"):
         points: Floats = device.download(triangulate_on(device, device.upload(disparity.values), job.view, pair))
         if setup.distance is not None:
@@ -269,16 +294,29 @@ def _from_rectified(
             "depth": None if job.depth is None else tuple(end if math.isfinite(end) else None for end in job.depth),
             **{f"mesh.{name}": value for name, value in dataclasses.asdict(job.mesh).items()},
             "mesh.unwrap_used": model.unwrapped.method,
+            "check": str(setup.checking),
         },
         rig=setup.rig,
-        checked=setup.checked,
+        checked=checked,
         found=setup.found,
         seconds=dict(watch.seconds),
         warnings=[
-            *find_warnings(setup.checked, disparity, model.unwrapped, pair.cx_left - pair.cx_right),
+            *find_warnings(checked, disparity, model.unwrapped, pair.cx_left - pair.cx_right),
             *(setup.found.warnings(unscaled=pair.unit == UNSCALED) if setup.found else ()),
         ],
     )
+
+
+def _check_map(
+    pair: RectifiedPair, disparity: Disparity, raw_left: Picture, raw_right: Picture, setup: Setup
+) -> RigCheck:
+    """The quick check of the rig, and the full one where that does not find it plainly good."""
+    checked = check_rows(pair, disparity, setup.rig)
+    if checked.verdict is not Verdict.GOOD:
+        checked = check_rig(raw_left, raw_right, setup.rig)
+        if not setup.ignore_check:
+            refuse_bad(checked)
+    return checked
 
 
 def _wanted(picture: Picture, valid: Bytes, job: Job) -> Bytes:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
 
@@ -159,6 +159,27 @@ def check_rig(left: Picture, right: Picture, rig: Rig, *, matches: tuple[Doubles
     )
 
 
+def unchecked(size: tuple[int, int]) -> RigCheck:
+    """What is known of a rig that was not checked, with pictures of this width and height."""
+    nothing, none = np.zeros((0, 2)), float("nan")
+    return RigCheck(
+        matches=0,
+        vertical_px=none,
+        vertical_95_px=none,
+        bias_px=none,
+        behind=none,
+        verdict=Verdict.UNKNOWN,
+        says="the rig was not checked against this pair",
+        fault=Fault.NONE,
+        amount=none,
+        map=map_errors(nothing, np.zeros(0), size),
+        points_left=nothing,
+        points_right=nothing,
+        vertical=np.zeros(0),
+        size=size,
+    )
+
+
 def ideal_rig(pair: RectifiedPair) -> Rig:
     """The rig whose raw pictures a rectified pair's would be, for `check_rig`."""
     height, width = pair.left.shape[:2]
@@ -231,22 +252,12 @@ def _no_rows(matches: int, used: int, size: tuple[int, int], *, other: bool) -> 
             f"the rig belongs to other cameras: {matches} matched features agree with each other, but no more than"
             f" {used} of them with this rig or one like it; give these cameras' own rig, or calibrate again"
         )
-    nothing, none = np.zeros((0, 2)), float("nan")
-    return RigCheck(
+    return replace(
+        unchecked(size),
         matches=matches,
-        vertical_px=none,
-        vertical_95_px=none,
-        bias_px=none,
-        behind=none,
         verdict=Verdict.BAD if other else Verdict.UNKNOWN,
         says=says,
         fault=Fault.OTHER_RIG if other else Fault.NONE,
-        amount=none,
-        map=map_errors(nothing, np.zeros(0), size),
-        points_left=nothing,
-        points_right=nothing,
-        vertical=np.zeros(0),
-        size=size,
     )
 
 
