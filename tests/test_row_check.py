@@ -13,7 +13,7 @@ from stereo_gpu.rig_check import Verdict
 from stereo_gpu.row_check import GOOD_PX, check_rows
 from stereo_gpu.scene import project
 
-RANGE = (20, 32)
+RANGE = (16, 44)
 QUICK = {"profile": "fast", "disparities": RANGE, "mesh": MeshOptions(faces=2000, unwrap="view")}
 
 
