@@ -78,6 +78,20 @@ def _triangles(call: Call) -> Geometry:
     return Geometry((call["triangles"],), whole=True)
 
 
+# Work-items that draw a triangle together.
+MEMBERS = 32
+
+
+def _members(call: Call) -> Geometry:
+    return Geometry((MEMBERS, call["triangles"]), {"members": MEMBERS}, whole=True, stages=2)
+
+
+def _sample_bands(call: Call) -> Geometry:
+    # Each band looks at every triangle, so that there are few. In Warp a band is told its rows.
+    bands = min(call["height"], 3 * call.units)
+    return Geometry((bands,), {"members": -(-call["height"] // bands)}, alone=True)
+
+
 def _cells(call: Call) -> Geometry:
     return Geometry((call["disparities"], call["width"], call["height"]))
 
@@ -238,6 +252,12 @@ def _lowest_on_gpu(call: Call) -> Geometry:
     return Geometry(size, group=LINE_GROUP)
 
 
+def _hypotenuses(call: Call) -> Geometry:
+    side = call["side"]
+    rows = side if call["diagonal"] else side // 2
+    return Geometry((-(-call["width"] // side), -(-call["height"] // rows)))
+
+
 # Every kernel that is not here or in the form's table has a work-item a pixel.
 _ON_ALL: dict[str, Callable[[Call], Geometry]] = {
     "aggregate": _paths_on_gpu,
@@ -249,6 +269,8 @@ _ON_ALL: dict[str, Callable[[Call], Geometry]] = {
     "ncc_volume": _volume_strips,
     "ncc_wta": _ncc_winners_on_gpu,
     "planes": _plane_grid,
+    "rasterise": _members,
+    "split_triangles": _hypotenuses,
     "window_norms": _norm_columns,
     "wta": _winners_on_gpu,
 }
@@ -279,7 +301,9 @@ _ON_CPU: dict[str, dict[str, Callable[[Call], Geometry]]] = {
         "ncc_wta": _ncc_winners_in_opencl,
         "plane_fit": _bands,
         "planes": _plane_bands,
+        "rasterise": _sample_bands,
         "rectify": _bands,
+        "shade": _bands,
         "slopes": _bands,
         "smooth": _bands,
         "support": _bands,
@@ -303,6 +327,7 @@ _ON_CPU: dict[str, dict[str, Callable[[Call], Geometry]]] = {
         "ncc_wta": _ncc_winners_in_warp,
         "plane_fit": _rows,
         "planes": _plane_rows,
+        "rasterise": _sample_bands,
         "rectify": _rows,
         "smooth": _rows,
         "support": _rows,

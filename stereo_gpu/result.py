@@ -13,13 +13,15 @@ from typing import Any
 import numpy as np
 
 from stereo_gpu import export, figures
+from stereo_gpu.backends import open_backend
 from stereo_gpu.check_figure import draw_check
 from stereo_gpu.epipolar.figure import draw_epipolar_curves
 from stereo_gpu.export_gltf import standpoint
 from stereo_gpu.files import whole_folder, write_whole
 from stereo_gpu.images import write_png
 from stereo_gpu.prepare import grey_scale
-from stereo_gpu.render import Shading, render, render_points
+from stereo_gpu.render import Shading, render
+from stereo_gpu.render_points import render_points
 from stereo_gpu.report import Figure, write_report
 from stereo_gpu.rig import Rig
 from stereo_gpu.rig_check import RigCheck
@@ -161,6 +163,7 @@ class Reconstruction:
         lines = draw_epipolar_curves(
             self.raw_left, self.raw_right, self.rig, self.checked.points_left, self.checked.points_right
         )
+        device = open_backend(self.disparity.backend)
         unwanted = "nothing was masked" if self.mask.all() else "what is dark was not matched"
         return [
             Figure(
@@ -213,17 +216,17 @@ class Reconstruction:
             Figure(
                 name="Mesh",
                 caption=f"{len(self.surface.faces):,} triangles, one for every half pixel.",
-                picture=render(self.surface, shading=Shading.PLAIN, yaw=YAW, pitch=PITCH),
+                picture=render(self.surface, shading=Shading.PLAIN, yaw=YAW, pitch=PITCH, device=device),
             ),
             Figure(
                 name="Smoothed",
                 caption=f"{len(self.smoothed.faces):,} triangles after decimation and smoothing.",
-                picture=render(self.smoothed, shading=Shading.PLAIN, yaw=YAW, pitch=PITCH),
+                picture=render(self.smoothed, shading=Shading.PLAIN, yaw=YAW, pitch=PITCH, device=device),
             ),
             Figure(
                 name="Textured",
                 caption=f"With the {self.disparity.reference} picture as texture.",
-                picture=render(self.mesh, yaw=YAW, pitch=PITCH),
+                picture=render(self.mesh, yaw=YAW, pitch=PITCH, device=device),
             ),
         ]
 

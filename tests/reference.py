@@ -834,3 +834,71 @@ def multiply_add(items, rounds, factor, summand):
             chains = [v * np.float32(factor) + np.float32(summand) for v in chains]
         out.append(sum(chains))
     return np.array(out)
+
+
+def rasterise(screen, faces, size):
+    """Number of the nearest triangle, from 1, at each sample, and its 1 / depth; 0 for none; of equal ones the last.
+
+    screen (N, 3): column, row, 1 / depth, 0 where a vertex is not to be drawn.
+    """
+    width, height = size
+    owner, near = np.zeros((height, width), int), np.zeros((height, width))
+    for number, triangle in enumerate(screen[faces].astype(float), 1):
+        places = np.column_stack([triangle[:, :2], np.ones(3)]).T
+        if triangle[:, 2].min() <= 0 or np.linalg.det(places) == 0:
+            continue
+        for y in range(height):
+            for x in range(width):
+                shares = np.linalg.solve(places, (x, y, 1.0))
+                if shares.min() >= 0 and shares @ triangle[:, 2] >= near[y, x]:
+                    owner[y, x], near[y, x] = number, shares @ triangle[:, 2]
+    return owner, near
+
+
+def shade(owner, screen, faces, uv, levels, colours, behind, wire, samples):
+    """Colours of the triangles that each sample shows, averaged over a pixel's samples.
+
+    levels: the texture, and each smaller copy of it; colours: background and ink.
+    """
+    rows, columns = owner.shape
+    painted = np.zeros((rows, columns, 3)) + colours[0]
+    for y in range(rows):
+        for x in range(columns):
+            if owner[y, x]:
+                face = faces[owner[y, x] - 1]
+                corners = screen[face].astype(float)
+                painted[y, x] = _shade_sample(x, y, corners, uv[face], levels, colours[1], behind, wire)
+    blocks = painted.reshape(rows // samples, samples, columns // samples, samples, 3)
+    return np.floor(blocks.mean(axis=(1, 3)) + 0.5).astype(np.uint8)
+
+
+def _shade_sample(x, y, corners, uv, levels, ink, behind, wire):
+    places = np.column_stack([corners[:, :2], np.ones(3)]).T
+    shares = np.linalg.solve(places, (x, y, 1.0))
+    weights = shares * corners[:, 2]
+    u, v = weights @ uv / weights.sum()
+    twice_area = abs(np.linalg.det(places))
+    laid = abs(np.linalg.det(np.column_stack([uv, np.ones(3)])))
+    texels = laid * levels[0].shape[0] * levels[0].shape[1] / twice_area
+    # Counter-clockwise as seen, with y down: the front.
+    if np.linalg.det(places) > 0:
+        v += behind
+    level = 0
+    while texels > 4 and level + 1 < len(levels):
+        texels, level = texels / 4, level + 1
+    colour = _texel_at(levels[level], u, v)
+    if texels > 1 and level + 1 < len(levels):
+        share = min((texels - 1) / 3, 1)
+        colour = (1 - share) * colour + share * _texel_at(levels[level + 1], u, v)
+    if wire:
+        sides = [np.linalg.norm(corners[(i + 2) % 3, :2] - corners[(i + 1) % 3, :2]) for i in range(3)]
+        heights = twice_area / np.array(sides)
+        line = np.clip(wire * 0.4 + 0.5 - (shares * heights).min(), 0, 1)
+        line *= np.clip(heights.min() / (10 * wire), 0.12, 0.8)
+        colour = (1 - line) * colour + line * ink
+    return colour
+
+
+def _texel_at(level, u, v):
+    """Bilinear colour of a texture (S, T, 3) at (u, v) in 0..1, its edge repeated."""
+    return bilinear(level, u * level.shape[1] - 0.5, v * level.shape[0] - 0.5)

@@ -16,6 +16,7 @@ import test_guided_kernels
 import test_kernel_forms
 import test_matching_kernels
 import test_plane_kernels
+import test_raster
 from conftest import missing
 
 import stereo_gpu as sg
@@ -71,7 +72,7 @@ def forms(narrow):
 def collected():
     """The tests of the forms, and those of the kernels that have no such test, but for the slowest."""
     found = {n: test for n, test in vars(test_kernel_forms).items() if n.startswith("test_")}
-    modules = test_matching_kernels, test_guided_kernels, test_plane_kernels, test_flat_kernels
+    modules = test_matching_kernels, test_guided_kernels, test_plane_kernels, test_flat_kernels, test_raster
     for name, test in [item for module in modules for item in vars(module).items()]:
         if name.startswith("test_") and "backend" in inspect.signature(test).parameters and name != SLOW:
             assert name not in found, f"two tests are called {name}"

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from stereo_gpu.errors import InputError, StageError
-from stereo_gpu.render import BACKGROUND, render, render_points
+from stereo_gpu.render import BACKGROUND, render
+from stereo_gpu.render_points import render_points
 from stereo_gpu.types import Mesh, Surface
 
 WALL = np.array([[-100, -80, 500], [100, -80, 500], [-100, 80, 500], [100, 80, 500]], np.float32)

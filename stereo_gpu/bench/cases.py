@@ -19,11 +19,12 @@ from stereo_gpu.flat_surfaces import Surroundings, settle
 from stereo_gpu.match_options import choose_options
 from stereo_gpu.prepare import GreyLevels, Levels, make_grey, sum_windows
 from stereo_gpu.rectify import plan_rectification, rectify_on
+from stereo_gpu.render import render
 from stereo_gpu.smooth_paths import prepare_path_view
 from stereo_gpu.texture import bake_texture
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.triangulate import triangulate_on
-from stereo_gpu.types import View
+from stereo_gpu.types import Mesh, View
 from stereo_gpu.windows import match_windows
 from stereo_gpu.winners import Winners
 
@@ -167,6 +168,12 @@ def _baking(device: Backend, scene: BenchScene) -> object:
     return bake_texture(device, device.upload(scene.colour[1]), 1.0, mesh_of(scene), scene.pair, View.RIGHT)
 
 
+def _drawing(device: Backend, scene: BenchScene) -> object:
+    laid = mesh_of(scene)
+    mesh = Mesh(vertices=laid.vertices, faces=laid.faces, uv=laid.uv, texture=scene.colour[1])
+    return render(mesh, size=(scene.width, scene.height), yaw=20.0, pitch=8.0, device=device)
+
+
 def _constant(operations: float) -> Callable[[int], float]:
     return lambda window: operations
 
@@ -274,6 +281,8 @@ KERNELS = (
     KernelCase(name="cover", kernel="cover", stage=_baking),
     KernelCase(name="bake", kernel="bake", stage=_baking),
     KernelCase(name="dilate", kernel="dilate", stage=_baking),
+    KernelCase(name="rasterise", kernel="rasterise", stage=_drawing),
+    KernelCase(name="shade", kernel="shade", stage=_drawing),
 )
 MATCHES = (
     ProfileCase(profile=Profile.FAST, peer=peers.CHECKED_BM),
