@@ -11,7 +11,8 @@ import pytest
 from test_smooth_path_kernels import aggregated, paths_case
 
 import stereo_gpu.kernels as kernels
-from stereo_gpu.backends.bands import FIRST, Crew, banded, cut, usable_cores
+from stereo_gpu.backends.bands import FIRST, Crew, banded, cut
+from stereo_gpu.backends.share import usable_cores
 from stereo_gpu.backends.warp import WarpBackend
 from stereo_gpu.kernels.warp import program
 

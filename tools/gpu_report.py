@@ -25,7 +25,7 @@ from gpu_compile import (
 )
 
 from stereo_gpu.backends import devices
-from stereo_gpu.backends.bands import usable_cores
+from stereo_gpu.backends.share import usable_cores
 from stereo_gpu.bench import BenchOptions, run_bench
 from stereo_gpu.errors import StereoError
 from stereo_gpu.kernels.costs import cost

@@ -26,13 +26,6 @@ _TID = re.compile(r"^( +)(\w+)((?:, \w+)*) = wp\.tid\(\)$", re.MULTILINE)
 _PARAMETERS = re.compile(r"^( +)# In:$", re.MULTILINE)
 
 
-def usable_cores() -> int:
-    """Cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 @cache
 def banded(kernel: Any) -> Any:
     """The kernel that counts its work-items from its own first parameter, FIRST, on the slowest axis.

@@ -18,6 +18,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from stereo_gpu.backends import oclgrind, pocl
 from stereo_gpu.backends.contract import KEPT_SCRATCH_BYTES, Backend, DeviceArray, DeviceStatus, Kind, host_memory
+from stereo_gpu.backends.share import processes
 from stereo_gpu.errors import BackendError, MemoryLimitError
 from stereo_gpu.kernels.geometry import Geometry, geometry
 from stereo_gpu.kernels.opencl import parameters, source
@@ -202,11 +203,11 @@ class OpenCLBackend(Backend):
 
     def available_bytes(self) -> tuple[int, int]:
         """Bytes that can still be taken in all, and for one array."""
-        total = self._device.global_mem_size
+        total = self._device.global_mem_size // processes()
         if self.kind == "cpu":
             # The scratch that is held already serves the next job too.
             held = self._scratch
-            total = min(total, host_memory() + (held.size if held else 0))
+            total = min(total, host_memory() // processes() + (held.size if held else 0))
         return total, min(total, self._device.max_mem_alloc_size)
 
     def scratch_bytes(self, kernel: str, **arguments: int) -> int:

@@ -13,9 +13,10 @@ import numpy as np
 import warp as wp
 from numpy.typing import DTypeLike, NDArray
 
-from stereo_gpu.backends.bands import Crew, banded, cut, usable_cores
+from stereo_gpu.backends.bands import Crew, banded, cut
 from stereo_gpu.backends.contract import KEPT_SCRATCH_BYTES, Backend, DeviceArray, DeviceStatus, Kind, host_memory
 from stereo_gpu.backends.cuda import has_cuda_driver
+from stereo_gpu.backends.share import processes, usable_cores
 from stereo_gpu.errors import BackendError, MemoryLimitError
 from stereo_gpu.kernels.geometry import Geometry, geometry
 from stereo_gpu.kernels.warp import program as find_program
@@ -187,7 +188,7 @@ class WarpBackend(Backend):
 
     def available_bytes(self) -> tuple[int, int]:
         """Bytes that can still be taken in all, and for one array."""
-        free = self._device.free_memory if self._device.is_cuda else host_memory()
+        free = (self._device.free_memory if self._device.is_cuda else host_memory()) // processes()
         # The scratch that is held already serves the next job too.
         free += self._scratch_held()
         return free, min(free, 4 * LARGEST_LENGTH)

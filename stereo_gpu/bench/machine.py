@@ -17,8 +17,8 @@ import cv2
 import numpy as np
 
 from stereo_gpu.backends import Backend
-from stereo_gpu.backends.bands import usable_cores
 from stereo_gpu.backends.contract import host_memory
+from stereo_gpu.backends.share import usable_cores
 
 PACKAGES = ("stereo-gpu", "numpy", "opencv-python-headless", "pyopencl", "pocl-binary-distribution", "warp-lang")
 COPIED_BYTES = 256 << 20  # far larger than any cache
