@@ -39,7 +39,10 @@ if TYPE_CHECKING:  # what `_MODULES` says, for type checkers and editors; a test
     from stereo_gpu.match import match as match
     from stereo_gpu.pipeline import reconstruct as reconstruct
     from stereo_gpu.pipeline import reconstruct_rectified as reconstruct_rectified
+    from stereo_gpu.read_model import read_glb as read_glb
     from stereo_gpu.recording.settings import CameraSettings as CameraSettings
+    from stereo_gpu.reconstruct_many import Outcome as Outcome
+    from stereo_gpu.reconstruct_many import reconstruct_many as reconstruct_many
     from stereo_gpu.rectify import rectify as rectify
     from stereo_gpu.refine_rig import Refinement as Refinement
     from stereo_gpu.refine_rig import refine_rig as refine_rig
@@ -72,6 +75,7 @@ _MODULES = {
     "KnownDistance": "stereo_gpu.known_distance",
     "Mesh": "stereo_gpu.types",
     "MeshOptions": "stereo_gpu.config",
+    "Outcome": "stereo_gpu.reconstruct_many",
     "PairCheck": "stereo_gpu.check",
     "PrintedBoard": "stereo_gpu.boards.board_print",
     "Reconstruction": "stereo_gpu.result",
@@ -96,8 +100,10 @@ _MODULES = {
     "match": "stereo_gpu.match",
     "match_features": "stereo_gpu.epipolar.features",
     "print_board": "stereo_gpu.boards.board_print",
+    "read_glb": "stereo_gpu.read_model",
     "read_image": "stereo_gpu.images",
     "reconstruct": "stereo_gpu.pipeline",
+    "reconstruct_many": "stereo_gpu.reconstruct_many",
     "reconstruct_rectified": "stereo_gpu.pipeline",
     "rectify": "stereo_gpu.rectify",
     "refine_rig": "stereo_gpu.refine_rig",

@@ -9,10 +9,12 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from stereo_gpu.errors import InputError
 from stereo_gpu.export_gltf import write_glb
 from stereo_gpu.export_obj import write_obj
 from stereo_gpu.export_ply import write_ply
 from stereo_gpu.export_vtp import write_vtp
+from stereo_gpu.files import whole_folder
 from stereo_gpu.pfm import read_pfm, write_pfm
 from stereo_gpu.types import Mesh
 
@@ -20,7 +22,7 @@ __all__ = ["export_model", "read_pfm", "write_glb", "write_obj", "write_pfm", "w
 
 
 def export_model(directory: str | os.PathLike[str], mesh: Mesh) -> list[Path]:
-    """Write a mesh in every format: model.glb, model.obj with model.mtl and model.png, surface.vtp.
+    """Write a mesh in every format, all files or none: model.glb, model.obj with model.mtl and .png, surface.vtp.
 
     Args:
         directory: an existing folder.
@@ -33,8 +35,12 @@ def export_model(directory: str | os.PathLike[str], mesh: Mesh) -> list[Path]:
         InputError: the mesh cannot be written, or the folder cannot.
     """
     folder = Path(directory)
-    return [
-        write_glb(folder / "model.glb", mesh),
-        *write_obj(folder / "model.obj", mesh),
-        write_vtp(folder / "surface.vtp", mesh),
-    ]
+    if not folder.is_dir():
+        raise InputError(f"cannot write to {folder}: there is no folder of that name; make it first")
+    with whole_folder(folder) as new:
+        written = [
+            write_glb(new / "model.glb", mesh),
+            *write_obj(new / "model.obj", mesh),
+            write_vtp(new / "surface.vtp", mesh),
+        ]
+    return [folder / path.name for path in written]

@@ -95,6 +95,36 @@ def test_obj_has_its_texture_origin_at_the_bottom_left(tmp_path, mesh):
     assert "map_Kd cup.png" in (tmp_path / "cup.mtl").read_text()
 
 
+@pytest.mark.parametrize(
+    "name", ["my  cup", "-s 1 cup", " lead", "new\nline", "cup #1", "tab\tcup", "caf\udce9", "x" * 200]
+)
+def test_obj_names_its_files_in_one_word(tmp_path, mesh, name):
+    obj, material, picture = write_obj(tmp_path / f"{name}.obj", mesh)
+    assert sorted(tmp_path.iterdir()) == sorted([obj, material, picture])
+    assert f"mtllib {material.name}\n" in obj.read_text() and f"map_Kd {picture.name}\n" in material.read_text()
+    assert len(material.name.split()) == 1 and not material.name.startswith("-")
+    # Nothing is lost where another model has the plain name already.
+    again = write_obj(tmp_path / f"{material.stem[:-9]}.obj", mesh)
+    assert not {material, picture} & set(again)
+
+
+def test_obj_that_is_named_like_its_picture(tmp_path, mesh):
+    with pytest.raises(InputError, match=r"name one that ends in \.obj"):
+        write_obj(tmp_path / "cup.png", mesh)
+    assert not list(tmp_path.iterdir())
+
+
+def test_files_that_were_there_stay_if_one_cannot_be_written(tmp_path, mesh):
+    (tmp_path / "model.png").write_text("old")
+    (tmp_path / "model.obj").mkdir()
+    with pytest.raises(InputError, match="it is a folder"):
+        write_obj(tmp_path / "model.obj", mesh)
+    with pytest.raises(InputError, match="it is a folder"):
+        export_model(tmp_path, mesh)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["model.obj", "model.png"]
+    assert (tmp_path / "model.png").read_text() == "old"
+
+
 def test_vtp_has_arrays_of_the_right_size(tmp_path, mesh):
     root = ElementTree.parse(write_vtp(tmp_path / "surface.vtp", mesh)).getroot()
     assert root.attrib["type"] == "PolyData" and root.attrib["byte_order"] == "LittleEndian"
