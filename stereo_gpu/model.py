@@ -61,7 +61,17 @@ def build_model(
     """
     centre = (pair.baseline if view is View.RIGHT else 0.0, 0.0, 0.0)
     with watch.step("mesh"):
-        surface = build_mesh(values, points, max_jump_px=options.max_jump_px, centre=centre)
+        surface = build_mesh(
+            values,
+            points,
+            device=device,
+            method=options.method,
+            error_px=options.error_px,
+            max_jump_px=options.max_jump_px,
+            smallest_part=options.smallest_part,
+            centre=centre,
+            infinity_px=pair.cx_left - pair.cx_right,
+        )
     with watch.step("decimate"):
         decimated = decimate(surface, options.faces, centre=centre) if options.faces else surface
     with watch.step("smooth"):

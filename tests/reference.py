@@ -902,3 +902,55 @@ def _shade_sample(x, y, corners, uv, levels, ink, behind, wire):
 def _texel_at(level, u, v):
     """Bilinear colour of a texture (S, T, 3) at (u, v) in 0..1, its edge repeated."""
     return bilinear(level, u * level.shape[1] - 0.5, v * level.shape[0] - 0.5)
+
+
+def split_triangles(disparity, corners, side, diagonal, error_px, max_jump_px, split):
+    """A level of `split`, (H, W): whether the two triangles at a hypotenuse are split at its middle."""
+    height, width = disparity.shape
+    found = np.array(split)
+    half = side // 2
+    for y in range(height):
+        for x in range(width):
+            if diagonal:
+                if x % side != half or y % side != half:
+                    continue
+                # Diagonals fall in every other square, as on a chess board.
+                fall = 1 if (x // side + y // side) % 2 == 0 else -1
+                p, q = (x - half, y - fall * half), (x + half, y + fall * half)
+                tops = (x + half, y - fall * half), (x - half, y + fall * half)
+            elif x % side == half and y % side == 0:
+                p, q, tops = (x - half, y), (x + half, y), ((x, y - half), (x, y + half))
+            elif x % side == 0 and y % side == half:
+                p, q, tops = (x, y - half), (x, y + half), ((x - half, y), (x + half, y))
+            else:
+                continue
+            found[y, x] = any(
+                _must_split(disparity, corners, split, (x, y), (p, q, top), error_px, max_jump_px) for top in tops
+            )
+    return found
+
+
+def _must_split(disparity, corners, split, middle, triangle, error_px, max_jump_px):
+    height, width = disparity.shape
+    across, down = zip(*triangle, strict=True)
+    if min(across) < 0 or min(down) < 0 or max(across) >= width or max(down) >= height:
+        # It counts where it lies in the picture with more than a side.
+        return min(across) < width - 1 and min(down) < height - 1 and max(across) > 0 and max(down) > 0
+    p, q, top = triangle
+    legs = [((end[0] + top[0]) / 2, (end[1] + top[1]) / 2) for end in (p, q)]
+    if legs[0][0] == int(legs[0][0]) and legs[0][1] == int(legs[0][1]):
+        if any(split[int(y), int(x)] for x, y in legs):
+            return True
+    else:
+        # Its halves are those of single cells: their sides are what neighbouring pixels differ by.
+        for one, other in ((middle, p), (middle, q), (middle, top), (top, p), (top, q)):
+            if not abs(disparity[one[::-1]] - disparity[other[::-1]]) <= max_jump_px:
+                return True
+    places = np.array([[x, y, 1.0] for x, y in triangle]).T
+    values = np.array([corners[y, x] for x, y in triangle], float)
+    for y in range(min(down), max(down) + 1):
+        for x in range(min(across), max(across) + 1):
+            weights = np.linalg.solve(places, (x, y, 1.0))
+            if weights.min() > -1e-9 and not abs(weights @ values - disparity[y, x]) <= error_px:
+                return True
+    return False

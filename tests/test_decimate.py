@@ -12,7 +12,7 @@ from stereo_gpu.types import Surface
 
 @pytest.fixture(scope="module")
 def scene():
-    return build_mesh(*triangulated(ball()), centre=CENTRE)
+    return build_mesh(*triangulated(ball()), method="dense", centre=CENTRE)
 
 
 def test_shape_borders_and_direction_stay(scene):
@@ -32,7 +32,7 @@ def test_shape_borders_and_direction_stay(scene):
 
 
 def test_plane_keeps_its_outline():
-    surface = build_mesh(*triangulated(plane()), centre=CENTRE)
+    surface = build_mesh(*triangulated(plane()), method="dense", centre=CENTRE)
     small = decimate(surface, 100, centre=CENTRE)
     assert len(small.faces) <= 100
     before, after = seen(surface.vertices), seen(small.vertices)
@@ -54,7 +54,7 @@ def test_the_unit_does_not_matter(scene, scale):
 
 
 def test_threads_do_not_mix_their_meshes(scene):
-    flat = build_mesh(*triangulated(plane(90, 90)), centre=CENTRE)
+    flat = build_mesh(*triangulated(plane(90, 90)), method="dense", centre=CENTRE)
     jobs = [scene, flat] * 3
     alone = [decimate(job, 3000, centre=CENTRE) for job in jobs[:2]] * 3
     with ThreadPoolExecutor(3) as pool:

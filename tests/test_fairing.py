@@ -13,7 +13,7 @@ def cap():
     """The front of a ball, at steps of about 2 mm."""
     depth = ball(wall=np.nan)
     depth[depth > 860] = np.nan  # no steep rim, where a pixel's noise is larger than its triangles
-    return build_mesh(*triangulated(depth), centre=CENTRE)
+    return build_mesh(*triangulated(depth), method="dense", centre=CENTRE)
 
 
 def noisy(surface, size, seed=1):
@@ -50,7 +50,7 @@ def test_size_stays_over_many_iterations(cap):
 
 
 def test_plane_stays_flat_and_keeps_its_border():
-    surface = build_mesh(*triangulated(plane()), centre=CENTRE)
+    surface = build_mesh(*triangulated(plane()), method="dense", centre=CENTRE)
     smooth = fair(surface, iterations=10, centre=CENTRE)
     direction = normals(surface.vertices, surface.faces).mean(axis=0)
     np.testing.assert_allclose(smooth.vertices @ direction, surface.vertices @ direction, atol=0.01)
@@ -60,7 +60,7 @@ def test_plane_stays_flat_and_keeps_its_border():
 
 def test_it_is_the_formula():
     rng = np.random.default_rng(5)
-    surface = build_mesh(*triangulated(plane(7, 9)), min_faces=1, centre=CENTRE)
+    surface = build_mesh(*triangulated(plane(7, 9)), method="dense", smallest_part=0, centre=CENTRE)
     surface = Surface(
         vertices=surface.vertices + rng.normal(0, 0.1, surface.vertices.shape).astype(np.float32), faces=surface.faces
     )

@@ -4,13 +4,16 @@ import numpy as np
 import pytest
 from surfaces import CENTRE, ball, normals, plane, seen, signed_areas, triangulated
 
-from stereo_gpu.decimate import decimate
 from stereo_gpu.errors import InputError, StageError
 from stereo_gpu.mesh import build_mesh
 
 
 def build(depth, **options):
-    return build_mesh(*triangulated(depth), centre=CENTRE, **options)
+    return build_mesh(*triangulated(depth), method="dense", centre=CENTRE, **options)
+
+
+def dense(values, points, smallest_part=0, **options):
+    return build_mesh(values, points, method="dense", min_angle_deg=0, smallest_part=smallest_part, **options)
 
 
 def grid(values):
@@ -42,9 +45,9 @@ def test_no_triangle_joins_the_ball_to_the_wall():
 
 def test_the_diagonal_with_the_smaller_step_is_taken():
     values, points = grid([[10.0, 10.9], [9.5, 10.1]])
-    falling = build_mesh(values, points, min_faces=1).faces
+    falling = dense(values, points).faces
     assert all({0, 3} <= set(face) for face in falling.tolist())
-    rising = build_mesh(values[:, ::-1], points, min_faces=1).faces
+    rising = dense(values[:, ::-1], points).faces
     assert all({1, 2} <= set(face) for face in rising.tolist())
 
 
@@ -52,32 +55,32 @@ def test_the_diagonal_with_the_smaller_step_is_taken():
 def test_three_corners_make_one_triangle(missing):
     values, points = grid([[10.0, 10.0], [10.0, 10.0]])
     values[missing] = np.nan
-    surface = build_mesh(values, points, min_faces=1)
+    surface = dense(values, points)
     assert surface.faces.shape == (1, 3) and surface.vertices.shape == (3, 3)
     assert normals(surface.vertices, surface.faces)[0, 2] < 0
 
 
 def test_one_value_apart_leaves_the_other_three_joined():
     values, points = grid([[10.0, 10.0], [10.0, 20.0]])
-    assert len(build_mesh(values, points, min_faces=1).vertices) == 3
+    assert len(dense(values, points).vertices) == 3
 
 
 def test_crumbs_go_and_pieces_stay():
     depth = plane(40, 60)
     hole = np.full(depth.shape, np.nan)
-    hole[2:12, 2:12] = depth[2:12, 2:12]  # 162 triangles
-    hole[20:24, 20:24] = depth[20:24, 20:24]  # 18
-    assert len(build(hole, min_faces=18).faces) == 180
-    assert len(build(hole, min_faces=19).faces) == 162
-    with pytest.raises(StageError, match="none make a piece of 163 triangles"):
-        build(hole, min_faces=163)
+    hole[2:12, 2:12] = depth[2:12, 2:12]  # covers 9 x 9 px, 162 triangles
+    hole[20:24, 20:24] = depth[20:24, 20:24]  # 3 x 3 px, 18
+    assert len(build(hole, smallest_part=9).faces) == 180
+    assert len(build(hole, smallest_part=9.5).faces) == 162
+    with pytest.raises(StageError, match="none make a part that covers 82 pixels"):
+        build(hole, smallest_part=82)
 
 
 def test_pieces_are_those_that_a_search_finds():
     rng = np.random.default_rng(3)
     values, points = grid(rng.uniform(10, 13, (23, 31)))
     values[rng.random(values.shape) < 0.2] = np.nan
-    every = build_mesh(values, points, min_faces=1)
+    every = dense(values, points, max_jump_px=1.5)
     # Plain search: join the corners of each face until nothing changes.
     label = np.arange(len(every.vertices))
     while True:
@@ -91,7 +94,7 @@ def test_pieces_are_those_that_a_search_finds():
     sizes = np.bincount(label[every.faces[:, 0]])
     assert len(np.unique(label)) > 5
     for least in (2, 5, 20):
-        kept = build_mesh(values, points, min_faces=least)
+        kept = dense(values, points, max_jump_px=1.5, smallest_part=least / 2)  # a triangle covers half a pixel
         assert len(kept.faces) == sizes[sizes >= least].sum()
 
 
@@ -102,7 +105,7 @@ def test_points_without_meaning_are_left_out():
     points[9, 9, 2] = -800
     points[13, 13, 0] = np.inf
     values[17, 17] = np.inf
-    surface = build_mesh(values, points, centre=CENTRE)
+    surface = build_mesh(values, points, method="dense", centre=CENTRE)
     assert len(surface.vertices) == depth.size - 4
     assert np.isfinite(surface.vertices).all() and np.abs(surface.vertices).max() < 2000
 
@@ -110,17 +113,28 @@ def test_points_without_meaning_are_left_out():
 def test_slivers_seen_edge_on_are_dropped():
     depth = plane(40, 60, tilt=0)
     depth[:, 30:] = np.maximum(depth[:, 30:] - 60 * np.arange(30), 300)  # steep: 60 mm in about 2 mm
-    steep = build(depth, max_jump_px=100, min_angle_deg=5, min_faces=1)
-    loose = build(depth, max_jump_px=100, min_angle_deg=0, min_faces=1)
+    steep = build(depth, max_jump_px=100, min_angle_deg=5, smallest_part=0)
+    loose = build(depth, max_jump_px=100, min_angle_deg=0, smallest_part=0)
     assert len(loose.faces) == 2 * 39 * 59
     cosine = np.abs(normals(steep.vertices, steep.faces)[:, 2])
     assert len(steep.faces) < len(loose.faces) and cosine.min() > np.sin(np.radians(4))
 
 
-@pytest.mark.parametrize("option", [{"max_jump_px": 0}, {"min_angle_deg": 90}, {"farthest": 0.5}])
+def test_the_noise_of_one_pixel_makes_no_hole():
+    depth = plane(40, 60, tilt=0)
+    depth[20, 30] -= 14  # its triangles are seen at 6 to 9 degrees
+    assert len(build(depth, min_angle_deg=10).faces) == 2 * 39 * 59
+    depth[20, 30] -= 40  # and now under 5
+    assert len(build(depth, min_angle_deg=10).faces) == 2 * 39 * 59 - 4
+
+
+@pytest.mark.parametrize(
+    "option",
+    [{"method": "sparse"}, {"error_px": 0}, {"max_jump_px": 0}, {"min_angle_deg": 90}, {"farthest": 0.5}],
+)
 def test_options_out_of_range(option):
     with pytest.raises(InputError, match=next(iter(option))):
-        build(plane(), **option)
+        build_mesh(*triangulated(plane()), centre=CENTRE, **option)
 
 
 def test_nothing_to_mesh():
@@ -132,7 +146,7 @@ def test_nothing_to_mesh():
 
 
 def test_motorcycle_in_millimetres(data):
-    """Middlebury's truth, meshed and decimated to a thirtieth, is still that truth."""
+    """Middlebury's truth, meshed with a sixth of the triangles, is still that truth."""
     folder = data / "stereo" / "motorcycle"
     calibration = json.loads((folder / "calib.json").read_text())
     focal, cx, cy = calibration["focal_px"], calibration["cx0"], calibration["cy"]
@@ -141,10 +155,13 @@ def test_motorcycle_in_millimetres(data):
     depth = calibration["baseline_mm"] * focal / (truth + calibration["doffs_px"])
     x, y = np.meshgrid(np.arange(truth.shape[1]), np.arange(truth.shape[0]))
     points = np.stack([(x - cx) * depth / focal, (y - cy) * depth / focal, depth], axis=-1).astype(np.float32)
-    surface = decimate(build_mesh(truth, points), 20_000)
-    assert 19_000 < len(surface.faces) <= 20_000
-    column, row = (np.rint(surface.vertices[:, i] / surface.vertices[:, 2] * focal + c) for i, c in ((0, cx), (1, cy)))
-    column = np.clip(column.astype(int), 0, truth.shape[1] - 1)
-    error = np.abs(depth[np.clip(row.astype(int), 0, truth.shape[0] - 1), column] / surface.vertices[:, 2] - 1)
-    assert np.nanmedian(error) < 0.002
+    dense = build_mesh(truth, points, method="dense")
+    surface = build_mesh(truth, points, infinity_px=-calibration["doffs_px"])
+    assert len(surface.faces) < len(dense.faces) / 6
+    column, row = (surface.vertices[:, i] / surface.vertices[:, 2] * focal + c for i, c in ((0, cx), (1, cy)))
+    np.testing.assert_allclose(column, np.rint(column), atol=1e-3)
+    true = depth[np.rint(row).astype(int), np.rint(column).astype(int)]
+    step = true**2 / (calibration["baseline_mm"] * focal)  # mm for a pixel of disparity
+    assert (np.abs(surface.vertices[:, 2] - true) < 0.26 * step).all()
+    assert np.median(np.abs(surface.vertices[:, 2] / true - 1)) < 0.001
     assert surface.vertices[:, 2].min() > 1500 and surface.vertices[:, 2].max() < 10_000

@@ -18,7 +18,7 @@ SHIFT = (80.0, 60.0)
 @pytest.fixture(scope="module")
 def scene():
     """A ball before a wall, 37,000 triangles in two pieces."""
-    return build_mesh(*triangulated(ball()), centre=CENTRE)
+    return build_mesh(*triangulated(ball()), method="dense", centre=CENTRE)
 
 
 @pytest.fixture(scope="module")
@@ -114,7 +114,7 @@ def test_time_limit_gives_the_view_and_the_reason(scene, view_uv):
 
 
 def test_a_failing_process_gives_the_view_and_the_reason(tmp_path, monkeypatch):
-    surface = build_mesh(*triangulated(plane()), centre=CENTRE)
+    surface = build_mesh(*triangulated(plane()), method="dense", centre=CENTRE)
     coordinates = seen(surface.vertices)
     for source, reason in (
         ("import sys; sys.exit('out of luck')", "xatlas ended with status 1: out of luck"),
@@ -129,7 +129,7 @@ def test_a_failing_process_gives_the_view_and_the_reason(tmp_path, monkeypatch):
 
 
 def test_vertices_that_would_hang_xatlas_never_reach_it():
-    surface = build_mesh(*triangulated(plane()), centre=CENTRE)
+    surface = build_mesh(*triangulated(plane()), method="dense", centre=CENTRE)
     coordinates = seen(surface.vertices)
     vertices = surface.vertices.copy()
     vertices[7, 2] = np.inf

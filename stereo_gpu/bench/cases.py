@@ -13,6 +13,7 @@ from stereo_gpu.backends import Backend
 from stereo_gpu.bench import peers
 from stereo_gpu.bench.peers import Peer
 from stereo_gpu.bench.scene import BenchScene, mesh_of
+from stereo_gpu.bounded_mesh import bounded_triangles
 from stereo_gpu.config import PROFILES, MatchOptions, Profile
 from stereo_gpu.device_match import download_disparity, match_on
 from stereo_gpu.flat_surfaces import Surroundings, settle
@@ -164,6 +165,10 @@ def _triangulating(device: Backend, scene: BenchScene) -> object:
     return triangulate_on(device, device.upload(scene.disparity), View.RIGHT, scene.pair)
 
 
+def _meshing(device: Backend, scene: BenchScene) -> object:
+    return bounded_triangles(device, scene.disparity, error_px=0.25, max_jump_px=3.0)
+
+
 def _baking(device: Backend, scene: BenchScene) -> object:
     return bake_texture(device, device.upload(scene.colour[1]), 1.0, mesh_of(scene), scene.pair, View.RIGHT)
 
@@ -277,6 +282,15 @@ KERNELS = (
         stage=_triangulating,
         peer=peers.REPROJECT,
         operations=_constant(9),
+    ),
+    # 12 levels, on a slope that is split only where the picture ends. A pixel of each: its place on the plane (4), two
+    # comparisons.
+    KernelCase(
+        name="split_triangles",
+        kernel="split_triangles",
+        stage=_meshing,
+        launches=12,
+        operations=_constant(12 * 6),
     ),
     KernelCase(name="cover", kernel="cover", stage=_baking),
     KernelCase(name="bake", kernel="bake", stage=_baking),
