@@ -40,12 +40,13 @@ if TYPE_CHECKING:  # what `_MODULES` says, for type checkers and editors; a test
     from stereo_gpu.pipeline import reconstruct as reconstruct
     from stereo_gpu.pipeline import reconstruct_rectified as reconstruct_rectified
     from stereo_gpu.read_model import read_glb as read_glb
-    from stereo_gpu.recording.settings import CameraSettings as CameraSettings
     from stereo_gpu.reconstruct_many import Outcome as Outcome
     from stereo_gpu.reconstruct_many import reconstruct_many as reconstruct_many
+    from stereo_gpu.recording.settings import CameraSettings as CameraSettings
     from stereo_gpu.rectify import rectify as rectify
     from stereo_gpu.refine_rig import Refinement as Refinement
     from stereo_gpu.refine_rig import refine_rig as refine_rig
+    from stereo_gpu.render import render as render
     from stereo_gpu.result import Reconstruction as Reconstruction
     from stereo_gpu.rig import Camera as Camera
     from stereo_gpu.rig import Rig as Rig
@@ -54,6 +55,7 @@ if TYPE_CHECKING:  # what `_MODULES` says, for type checkers and editors; a test
     from stereo_gpu.rig_files.load import load_rig as load_rig
     from stereo_gpu.rig_files.save import save_rig as save_rig
     from stereo_gpu.triangulate import triangulate as triangulate
+    from stereo_gpu.turntable import turntable as turntable
     from stereo_gpu.types import Disparity as Disparity
     from stereo_gpu.types import Mesh as Mesh
     from stereo_gpu.types import RectifiedPair as RectifiedPair
@@ -107,8 +109,10 @@ _MODULES = {
     "reconstruct_rectified": "stereo_gpu.pipeline",
     "rectify": "stereo_gpu.rectify",
     "refine_rig": "stereo_gpu.refine_rig",
+    "render": "stereo_gpu.render",
     "save_rig": "stereo_gpu.rig_files.save",
     "triangulate": "stereo_gpu.triangulate",
+    "turntable": "stereo_gpu.turntable",
 }
 __all__ = list(_MODULES)
 

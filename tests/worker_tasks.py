@@ -1,0 +1,61 @@
+"""What the tests of worker processes have done there; they import it by name."""
+
+import os
+import signal
+import time
+
+import numpy as np
+
+from stereo_gpu.errors import InputError
+
+
+def double(value, *, plus=0):
+    return 2 * value + plus
+
+
+def sleep_then(seconds, value):
+    time.sleep(seconds)
+    return value, os.getpid()
+
+
+def misbehave(what):
+    if what == "kill":
+        os.kill(os.getpid(), signal.SIGKILL)
+    if what == "crash":
+        os.abort()
+    if what == "leave":
+        os._exit(3)
+    if what == "refuse":
+        raise InputError("the pair is bad")
+    if what == "fault":
+        raise ZeroDivisionError("a fault")
+    if what == "hang":
+        time.sleep(60)
+    if what == "print":
+        print("noise on standard output", flush=True)
+        os.system("echo noise from a child")
+    if what == "unsendable":
+        return lambda: None
+    return what
+
+
+def array_of(count, *, value):
+    return np.full(count, value, np.uint8)
+
+
+def environment(name):
+    return os.environ.get(name)
+
+
+def leave_a_file(folder, seconds):
+    """Writes a file under a hidden name and takes its time, as a pair does that is interrupted."""
+    from stereo_gpu.files import whole_folder
+
+    with whole_folder(folder) as new:
+        (new / "half").write_text("half")
+        time.sleep(seconds)
+
+
+def triangles(index, result):
+    """What `then` may be: a small answer in place of a whole reconstruction."""
+    return index, len(result.mesh.faces), os.getpid()
