@@ -24,11 +24,26 @@ from stereo_gpu.commands import (
     match,
     reconstruct,
     rectify,
+    render,
 )
 from stereo_gpu.errors import InputError, StereoError
 from stereo_gpu.progress import CLEAR_LINE
 
-COMMANDS = (demo, board, capture, calibrate, check, convert, rectify, match, reconstruct, devices, doctor, bench)
+COMMANDS = (
+    demo,
+    board,
+    capture,
+    calibrate,
+    check,
+    convert,
+    rectify,
+    match,
+    reconstruct,
+    render,
+    devices,
+    doctor,
+    bench,
+)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

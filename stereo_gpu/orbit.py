@@ -65,7 +65,7 @@ def orbit(points: Doubles, size: tuple[int, int], *, yaw: float = 0.0, pitch: fl
 
 
 def frame(points: Doubles, size: tuple[int, int], views: Sequence[tuple[float, float]]) -> list[Orbit]:
-    """The same for several views (yaw, pitch), degrees, with one focal length and centre that fit them all.
+    """The same for several views (yaw, pitch), degrees, with one focal length that fits them all.
 
     Raises:
         StageError: in one of them all points end up behind the camera.
@@ -80,11 +80,13 @@ def frame(points: Doubles, size: tuple[int, int], views: Sequence[tuple[float, f
             raise StageError(f"yaw {yaw} and pitch {pitch} leave all of it behind the camera: choose smaller ones")
         rays = turned[:, :2] / turned[:, 2:]
         bounds.append(np.percentile(rays, [_OUTLIERS, 100 - _OUTLIERS], axis=0))
-    low, high = np.min(bounds, axis=0)[0], np.max(bounds, axis=0)[1]
-    extent = np.maximum((high - low) * _MARGIN, 1e-6)
+    extent = np.maximum(np.max([high - low for low, high in bounds], axis=0) * _MARGIN, 1e-6)
     focal = float(min(size[0] / extent[0], size[1] / extent[1]))
-    centre = (np.array(size) - 1) / 2 - focal * (low + high) / 2
-    return [Orbit(rotation=rotation, pivot=pivot, focal=focal, centre=centre) for rotation in rotations]
+    middle = (np.array(size) - 1) / 2
+    return [
+        Orbit(rotation=rotation, pivot=pivot, focal=focal, centre=middle - focal * (low + high) / 2)
+        for rotation, (low, high) in zip(rotations, bounds, strict=True)
+    ]
 
 
 def _rotation(yaw: float, pitch: float) -> Doubles:

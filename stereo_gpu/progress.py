@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 CLEAR_LINE = "\r\x1b[K"  # to the start of the line, and erase it
 BAR_WIDTH = 24
-LINES = 10  # that a search prints where no bar can be drawn
+LINES = 10  # that a search or a film prints where no bar can be drawn
 
 
 class Progress:
@@ -33,7 +33,14 @@ class Progress:
 
     def searched(self, done: int, total: int) -> None:
         """Say how many of the pictures have been searched for the board."""
-        text = f"{done} of {total} pictures searched"
+        self._counted(done, total, "pictures searched")
+
+    def filmed(self, done: int, total: int) -> None:
+        """Say how many pictures of a film are drawn."""
+        self._counted(done, total, "pictures drawn")
+
+    def _counted(self, done: int, total: int, what: str) -> None:
+        text = f"{done} of {total} {what}"
         if self._drawn:
             self._draw(done, total, text)
         elif done == total or done * LINES // total > (done - 1) * LINES // total:

@@ -5,6 +5,7 @@ The camera orbits the middle of the model; without yaw and pitch it stands where
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from enum import StrEnum
 
@@ -24,6 +25,7 @@ _CLAY = np.array([196.0, 192.0, 184.0])
 _INK: Colour = (34, 58, 94)
 _LIGHT = np.array([-0.35, -0.45, -0.82])  # towards the light: a lamp above the camera's left shoulder
 _STEPS = 256  # of light
+_AWAY = 1.5  # sizes of a model that a camera is put from its middle
 
 
 class Shading(StrEnum):
@@ -127,6 +129,18 @@ class Renderer:
         owner = rasterise(device, held, self._faces, self._inner)
         picture = shade(device, owner, held, self._faces, uv, self._paint, self._samples)
         return np.asarray(device.download(picture), np.uint8)
+
+
+def bring_in_front(mesh: Mesh) -> Mesh:
+    """A model of another program, which may stand anywhere, where a camera sees all of it; ours stay where they are."""
+    finite = np.isfinite(mesh.vertices).all(axis=1)
+    places = mesh.vertices[finite]
+    if not len(places) or places[:, 2].min() > 0:
+        return mesh
+    low, high = places.min(axis=0).astype(np.float64), places.max(axis=0).astype(np.float64)
+    distance = _AWAY * max(float(np.linalg.norm(high - low)), 1e-9)
+    moved = mesh.vertices - (low + high) / 2 + np.array([0.0, 0.0, distance])
+    return dataclasses.replace(mesh, vertices=moved.astype(np.float32))
 
 
 def _shading(model: Mesh | Surface, shading: Shading | str | None) -> Shading:
