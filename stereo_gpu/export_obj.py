@@ -11,7 +11,7 @@ import numpy as np
 
 from stereo_gpu.errors import InputError
 from stereo_gpu.export_frame import check_mesh, to_viewer
-from stereo_gpu.files import whole_folder, write_whole
+from stereo_gpu.files import check_writable_file, whole_folder, write_whole
 from stereo_gpu.texture_file import pack_texture
 from stereo_gpu.types import Mesh
 
@@ -35,8 +35,7 @@ def write_obj(path: str | os.PathLike[str], mesh: Mesh) -> list[Path]:
     path = Path(path)
     if path.suffix.lower() in (".png", ".mtl"):
         raise InputError(f"{path} is the name of an OBJ's other file: name one that ends in .obj")
-    if not path.parent.is_dir():
-        raise InputError(f"cannot write {path}: there is no folder {path.parent}; make it first")
+    check_writable_file(path)
     beside = _plain(path.with_suffix("").name)
     uv = np.column_stack([mesh.uv[:, 0], 1 - mesh.uv[:, 1]])
     corners = np.repeat(mesh.faces + 1, 2, axis=1)  # v/vt pairs: OBJ counts from 1

@@ -19,14 +19,10 @@ def write_whole(path: str | os.PathLike[str], content: bytes | str) -> Path:
     A file that stood there before stays as it was if anything fails; a link is followed.
 
     Raises:
-        InputError: the folder is missing or cannot be written, the disk is full, or `path` is a folder.
+        InputError: the folder is missing or cannot be written, the disk is full, or `path` is a folder or device.
     """
     path = Path(path)
-    target = path.resolve()
-    if target.is_dir():
-        raise InputError(f"{path} is a folder: name a file in it")
-    if not target.parent.is_dir():
-        raise InputError(f"cannot write {path}: there is no folder {path.parent}; make it first")
+    target = _target(path)
     # A file's name may hold bytes that are no UTF-8; what tells of it shows them as \udcff rather than failing.
     data = content.encode(errors="backslashreplace") if isinstance(content, str) else content
     # Not tempfile: it would leave the file readable by its owner alone, whatever the umask says.
@@ -112,14 +108,28 @@ def check_writable_file(path: str | os.PathLike[str]) -> None:
     """Refuse a file that could not be written, before any work is done.
 
     Raises:
-        InputError: it is a folder, or its own folder is missing or cannot be written.
+        InputError: it is a folder or device, or its own folder is missing or cannot be written.
     """
     path = Path(path)
-    if path.is_dir():
-        raise InputError(f"{path} is a folder: name a file in it")
-    if not path.parent.is_dir():
-        raise InputError(f"cannot write {path}: there is no folder {path.parent}; make it first")
+    _target(path)
     check_writable(path.parent)
+
+
+def _target(path: Path) -> Path:
+    """The file that is meant, links followed; it need not exist yet."""
+    try:
+        target = path.resolve()
+        if target.is_dir():
+            raise InputError(f"{path} is a folder: name a file in it")
+        if target.exists() and not target.is_file():
+            # A new file of its name would take the place of /dev/null.
+            raise InputError(f"{path} is a device or pipe: name a file")
+        if not target.parent.is_dir():
+            raise InputError(f"cannot write {path}: there is no folder {path.parent}; make it first")
+    except (OSError, ValueError) as error:  # a name that is too long, a zero byte in it
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"cannot write {str(path)!r:.200}: {reason}; name another file") from error
+    return target
 
 
 def _cannot_write(folder: Path, error: OSError) -> InputError:

@@ -117,9 +117,9 @@ def test_obj_that_is_named_like_its_picture(tmp_path, mesh):
 def test_files_that_were_there_stay_if_one_cannot_be_written(tmp_path, mesh):
     (tmp_path / "model.png").write_text("old")
     (tmp_path / "model.obj").mkdir()
-    with pytest.raises(InputError, match="it is a folder"):
+    with pytest.raises(InputError, match="is a folder"):
         write_obj(tmp_path / "model.obj", mesh)
-    with pytest.raises(InputError, match="it is a folder"):
+    with pytest.raises(InputError, match="is a folder"):
         export_model(tmp_path, mesh)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["model.obj", "model.png"]
     assert (tmp_path / "model.png").read_text() == "old"

@@ -96,3 +96,19 @@ def test_files_that_cannot_be_written_are_told_before(tmp_path):
         with pytest.raises(InputError, match=says):
             check_writable_file(path)
     assert not list(tmp_path.iterdir())
+
+
+def test_names_that_no_file_can_have(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "link").symlink_to("/dev/null")
+    for name, says in (
+        ("pipe", "is a device or pipe: name a file"),
+        ("link", "is a device or pipe: name a file"),
+        ("a\0b", "embedded null byte; name another file"),
+        ("x" * 300, "too long; name another file"),
+    ):
+        for attempt in (lambda path: write_whole(path, b"new"), check_writable_file):
+            with pytest.raises(InputError, match=says):
+                attempt(tmp_path / name)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["link", "pipe"]
+    assert stat.S_ISCHR((tmp_path / "link").stat().st_mode)
