@@ -52,7 +52,8 @@ def test_pictures_that_loop(tmp_path, suffix):
     # The pictures are those that render draws, but for what the format loses.
     renderer = Renderer(quarters(), size=(61, 40))
     for picture, camera in zip(pictures, renderer.cameras(camera_path(0.8, 10, 25.0, 0.0, 8.0)), strict=True):
-        assert np.abs(picture - renderer.draw(camera).astype(int)).mean() < 6
+        # WebP halves the resolution of colours, which shows where these four meet.
+        assert np.median(np.abs(picture - renderer.draw(camera).astype(int))) <= 2
     assert np.abs(pictures[2] - pictures[6]).mean() > 3
 
 
