@@ -16,6 +16,7 @@ from stereo_gpu import export, figures
 from stereo_gpu.backends import open_backend
 from stereo_gpu.check_figure import draw_check
 from stereo_gpu.epipolar.figure import draw_epipolar_curves
+from stereo_gpu.errors import InputError
 from stereo_gpu.export_gltf import standpoint
 from stereo_gpu.files import whole_folder, write_whole
 from stereo_gpu.images import write_png
@@ -77,7 +78,13 @@ class Reconstruction:
         return self.pair.left if self.disparity.reference is View.LEFT else self.pair.right
 
     def save(
-        self, folder: str | os.PathLike[str], *, texture_format: str = "png", quality: int | None = None
+        self,
+        folder: str | os.PathLike[str],
+        *,
+        texture_format: str = "png",
+        quality: int | None = None,
+        files: str = "all",
+        also: dict[str, Any] | None = None,
     ) -> list[Path]:
         """Write every file of the result, all of them or none; returns their paths.
 
@@ -88,33 +95,41 @@ class Reconstruction:
             folder: is made if missing.
             texture_format: png, jpeg or webp: how model.glb holds its texture.
             quality: of JPEG and WebP, 1 to 100; None for 92 and 90.
+            files: "all", or "model" for model.glb and result.json alone.
+            also: entries for result.json besides.
 
         Raises:
-            InputError: the folder cannot be made or written, or the format or quality is unknown.
+            InputError: the folder cannot be made or written, or the format, quality or choice of files is unknown.
         """
         check_texture_format(texture_format, quality)
-        colours = self._colours()
+        if files not in ("all", "model"):
+            raise InputError(f"files = {files!r:.60}: give all or model")
         with whole_folder(folder) as new:
             self.write_glb(new / "model.glb", texture_format=texture_format, quality=quality)
-            export.write_obj(new / "model.obj", self.mesh)
-            export.write_ply(new / "cloud.ply", self.points, colours)
-            export.write_vtp(new / "surface.vtp", self.mesh)
-            export.write_pfm(new / "disparity.pfm", self.disparity.values)
-            write_png(new / "disparity.png", figures.colour_disparity(self.disparity.values, bar=True))
-            write_report(
-                new / "report.html",
-                title=f"{self.inputs['left']['name']} and {self.inputs['right']['name']}",
-                figures=self.figures(),
-                facts=self._facts(),
-                seconds=self.seconds,
-                warnings=self.warnings,
-                mesh=self.mesh,
-            )
-            record = self.record()
+            if files == "all":
+                self._write_rest(new)
+            record = {**self.record(), **(also or {})}
             record["options"] = {**record["options"], "texture_format": texture_format}
             write_whole(new / "result.json", json.dumps(record, indent=1, allow_nan=False) + "\n")
             names = sorted(file.name for file in new.iterdir())
         return [Path(folder) / name for name in names]
+
+    def _write_rest(self, new: Path) -> None:
+        """Everything but the model and result.json."""
+        export.write_obj(new / "model.obj", self.mesh)
+        export.write_ply(new / "cloud.ply", self.points, self._colours())
+        export.write_vtp(new / "surface.vtp", self.mesh)
+        export.write_pfm(new / "disparity.pfm", self.disparity.values)
+        write_png(new / "disparity.png", figures.colour_disparity(self.disparity.values, bar=True))
+        write_report(
+            new / "report.html",
+            title=f"{self.inputs['left']['name']} and {self.inputs['right']['name']}",
+            figures=self.figures(),
+            facts=self._facts(),
+            seconds=self.seconds,
+            warnings=self.warnings,
+            mesh=self.mesh,
+        )
 
     def write_glb(
         self, path: str | os.PathLike[str], *, texture_format: str = "png", quality: int | None = None
@@ -146,6 +161,7 @@ class Reconstruction:
                 "wanted": int((self.mask != 0).sum()),
                 "with_disparity": int(np.isfinite(values).sum()),
                 **{str(bit.name).lower(): int(((self.disparity.validity & bit) != 0).sum()) for bit in Validity},
+                "open": int(((self.mask != 0) & np.isnan(self.disparity.values)).sum()),
                 "matched_features": self.checked.matches,
                 "dense_triangles": len(self.surface.faces),
                 "vertices": len(self.mesh.vertices),
