@@ -752,51 +752,133 @@ def rectify(picture, matrix, distortion, ray, size):
     return out, valid
 
 
-def cover(corners, size):
-    """Number of the last triangle, from 1, that holds each texel's centre; 0 for none."""
+INSIDE = 1 << 30  # added to an owner's number where it holds the texel's centre
+
+
+def cover(corners, size, reach):
+    """Number of the last triangle, from 1, that holds each texel's centre, and INSIDE; else of the last one near it.
+
+    Near is within `reach` of the inner side of all three sides, and of the box around the triangle.
+    """
     width, height = size
     owner = np.zeros((height, width), int)
     for number, triangle in enumerate(corners, 1):
         places = np.column_stack([triangle[:, :2], np.ones(3)]).T
-        if abs(np.linalg.det(places)) < 1e-12:
+        area = np.linalg.det(places)
+        if abs(area) < 1e-12:
             continue
+        heights = [abs(area) / np.linalg.norm(triangle[k - 1, :2] - triangle[k - 2, :2]) for k in range(3)]
+        low = np.floor(triangle[:, :2].min(axis=0) - reach)
+        high = np.ceil(triangle[:, :2].max(axis=0) + reach)
         for y in range(height):
             for x in range(width):
-                if np.linalg.solve(places, (x + 0.5, y + 0.5, 1.0)).min() >= 0:
-                    owner[y, x] = number
+                if not (low[0] <= x < high[0] and low[1] <= y < high[1]):
+                    continue
+                shares = np.linalg.solve(places, (x + 0.5, y + 0.5, 1.0))
+                if shares.min() >= 0:
+                    owner[y, x] = max(owner[y, x], number + INSIDE)
+                elif (shares * heights).min() >= -reach:
+                    owner[y, x] = max(owner[y, x], number)
     return owner
 
 
-def bake(picture, corners, owner, scale, size):
-    """Colour of every texel that a triangle owns; corners (F, 3, 5): texel x, y, and u z, v z, z."""
+def place(corners, owner, margin, size):
+    """(2, H, W): where in the other picture each texel lies; corners (F, 3, 5): texel x, y, then u, v and weight."""
     width, height = size
-    texture = np.zeros((height, width, 3), np.uint8)
+    out = np.full((2, height, width), np.nan)
     for y in range(height):
         for x in range(width):
             if owner[y, x]:
-                triangle = corners[owner[y, x] - 1]
+                triangle = corners[owner[y, x] % INSIDE - 1]
                 places = np.column_stack([triangle[:, :2], np.ones(3)]).T
-                u, v, z = np.linalg.solve(places, (x + 0.5, y + 0.5, 1.0)) @ triangle[:, 2:]
-                texture[y, x] = np.floor(np.minimum(bilinear(picture, u / z, v / z) * scale, 255) + 0.5)
-    return texture
+                shares = np.linalg.solve(places, (x + 0.5, y + 0.5, 1.0)) * triangle[:, 4]
+                found = shares @ triangle[:, 2:4] / shares.sum()
+                ends = triangle[:, 2:4].min(axis=0) - margin, triangle[:, 2:4].max(axis=0) + margin
+                out[:, y, x] = np.clip(found, *ends)
+    return out
 
 
-def dilate(texture, covered):
-    """Mean of the coloured neighbours where a texel has no colour."""
-    height, width = covered.shape
-    out, reached = texture.copy(), covered.copy()
-    for y in range(height):
-        for x in range(width):
-            near = [
-                texture[j, i].astype(float)
-                for j in range(max(0, y - 1), min(height, y + 2))
-                for i in range(max(0, x - 1), min(width, x + 2))
-                if covered[j, i]
-            ]
-            if not covered[y, x]:
-                out[y, x] = np.floor(sum(near) / len(near) + 0.5) if near else 0
-                reached[y, x] = bool(near)
-    return out, reached
+def bicubic(picture, u, v):
+    """Sample of a (H, W, C) picture at column u, row v by Catmull and Rom's cubic, the edge repeated."""
+
+    def share(distance):
+        """Keys 1981, equation 15."""
+        s = abs(distance)
+        if s <= 1:
+            return 1.5 * s**3 - 2.5 * s**2 + 1
+        return -0.5 * s**3 + 2.5 * s**2 - 4 * s + 2 if s < 2 else 0.0
+
+    height, width = picture.shape[:2]
+    total = np.zeros(picture.shape[2])
+    for j in range(math.floor(v) - 1, math.floor(v) + 3):
+        for i in range(math.floor(u) - 1, math.floor(u) + 3):
+            total += share(u - i) * share(v - j) * picture[clamp(j, height), clamp(i, width)].astype(float)
+    return total
+
+
+def bake(light, places, cell, bias, gain, texture):
+    """Add (sample - bias) gain to every texel with a place in the picture, of which a pixel of `light` is a cell."""
+    out = texture.copy()
+    for y, x in np.ndindex(texture.shape[:2]):
+        u, v = places[:, y, x]
+        if not math.isnan(u):
+            value = bicubic(light, (u + 0.5) / cell - 0.5, (v + 0.5) / cell - 0.5)
+            out[y, x] = np.floor(np.clip(texture[y, x] + (value - bias) * gain, 0, 65535) + 0.5)
+            out[y, x, 3] = 65535
+    return out
+
+
+def residual(light, texture, places):
+    """32768 and half of what a pixel has more than the texture at its place; 32768 without one, or beside a gap."""
+    out = np.full_like(light, 32768)
+    height, width = texture.shape[:2]
+    for y, x in np.ndindex(light.shape[:2]):
+        s, t = places[:, y, x]
+        if math.isnan(s):
+            continue
+        near = [(clamp(math.floor(t) + j, height), clamp(math.floor(s) + i, width)) for j in (0, 1) for i in (0, 1)]
+        if all(texture[at][3] for at in near):
+            out[y, x] = np.floor(32768.5 + (light[y, x].astype(float) - bilinear(texture, s, t)) / 2)
+    return out
+
+
+def decode(picture, table):
+    """The table's light of every level, and 65535; a grey picture has the same three times."""
+    height, width, channels = picture.shape
+    out = np.full((height, width, 4), 65535, np.uint16)
+    for y, x, channel in np.ndindex(height, width, 3):
+        out[y, x, channel] = table[picture[y, x, min(channel, channels - 1)]]
+    return out
+
+
+def encode(light, table):
+    """The table's level of every light."""
+    height, width = light.shape[:2]
+    out = np.empty((height, width, 3), np.uint8)
+    for y, x, channel in np.ndindex(height, width, 3):
+        out[y, x, channel] = table[light[y, x, channel]]
+    return out
+
+
+def pull(fine):
+    """Mean of those of 2 x 2 texels that are there."""
+    height, width = (-(-side // 2) for side in fine.shape[:2])
+    out = np.zeros((height, width, 4), np.uint16)
+    for y, x in np.ndindex(height, width):
+        there = [texel.astype(int) for texel in fine[2 * y : 2 * y + 2, 2 * x : 2 * x + 2].reshape(-1, 4) if texel[3]]
+        if there:
+            out[y, x, :3] = (sum(there)[:3] + len(there) // 2) // len(there)
+            out[y, x, 3] = 65535
+    return out
+
+
+def push(coarse, fine):
+    """What is missing is taken from the coarser level."""
+    out = fine.copy()
+    for y, x in np.ndindex(fine.shape[:2]):
+        if not fine[y, x, 3]:
+            out[y, x] = coarse[y // 2, x // 2]
+    return out
 
 
 def disp_comp(reference, other, smallest, disparities, radius, threshold, direction):

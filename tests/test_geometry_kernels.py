@@ -1,4 +1,4 @@
-"""Rectify, triangulate, bake and dilate against the loops in reference.py, on every device."""
+"""Rectify and triangulate against the loops in reference.py, on every device."""
 
 import cv2
 import numpy as np
@@ -88,59 +88,3 @@ def test_triangulate(backend, direction):
     want = reference.triangulate(disparity.astype(float), direction, **numbers)
     assert np.isnan(want).any()
     np.testing.assert_allclose(backend.download(out), want, rtol=1e-5, atol=1e-3)
-
-
-def test_bake_and_dilate(backend):
-    source = picture(np.uint8, 3)
-    size = (33, 27)
-    corners = np.array(
-        [
-            [[2.2, 3.1, 0, 0, 1], [20.4, 4.7, 38, 3, 1], [5.3, 22.8, 2, 27, 1]],
-            [[22.6, 6.1, 39, 2, 1.5], [31.2, 25.9, 39, 27, 1.1], [8.3, 24.8, 3, 28, 0.9]],
-            [[1, 1, 5, 5, 1], [1, 1, 5, 5, 1], [1, 1, 5, 5, 1]],
-        ]
-    )
-    corners[..., 2:4] *= corners[..., 4:]
-    held = backend.upload(corners.astype(np.float32))
-    atlas = {"texture_width": size[0], "texture_height": size[1]}
-    owner = backend.zeros((size[1], size[0]), np.int32)
-    backend.launch("cover", corners=held, triangles=len(corners), **atlas, owner_out=owner)
-    got_owner, want_owner = backend.download(owner), reference.cover(corners, size)
-    assert (got_owner != want_owner).mean() < 0.005  # a texel centre on an edge may fall on either side
-    assert set(np.unique(want_owner)) == {0, 1, 2}
-
-    texture = junk(backend, (size[1], size[0], 3), np.uint8)
-    covered = junk(backend, (size[1], size[0]), np.uint8)
-    backend.launch(
-        "bake",
-        picture=backend.upload(source),
-        corners=held,
-        owner=owner,
-        width=WIDTH,
-        height=HEIGHT,
-        channels=3,
-        scale=1.0,
-        **atlas,
-        texture_out=texture,
-        covered_out=covered,
-    )
-    want = reference.bake(source, corners, got_owner, 1.0, size)
-    got, got_covered = backend.download(texture), backend.download(covered)
-    np.testing.assert_array_equal(got_covered, got_owner > 0)
-    assert 0.3 < got_covered.mean() < 0.9
-    assert np.abs(got.astype(int) - want.astype(int)).max() <= 1
-
-    grown, grown_covered = junk(backend, got.shape, np.uint8), junk(backend, got_covered.shape, np.uint8)
-    backend.launch(
-        "dilate",
-        texture=texture,
-        covered=covered,
-        width=size[0],
-        height=size[1],
-        texture_out=grown,
-        covered_out=grown_covered,
-    )
-    want, want_covered = reference.dilate(got, got_covered)
-    np.testing.assert_array_equal(backend.download(grown_covered), want_covered)
-    assert np.abs(backend.download(grown).astype(int) - want.astype(int)).max() <= 1
-    assert want_covered.sum() > got_covered.sum()

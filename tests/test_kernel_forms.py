@@ -252,55 +252,88 @@ def triangles(many, size, source):
 
 
 @pytest.mark.parametrize("many", [1, 2, 300])
+@pytest.mark.parametrize("reach", [0.0, 1.5])
 @pytest.mark.parametrize("size", SIZES)
-def test_cover(forms, many, size):
+def test_cover(forms, many, reach, size):
     owner = assert_same(
         forms,
         "cover",
         {"owner_out": np.zeros(size[::-1], np.int32)},
         corners=triangles(many, size, (9, 9)),
         triangles=many,
+        reach=reach,
         texture_width=size[0],
         texture_height=size[1],
     )["owner_out"]
     assert owner.any() or many < 300
 
 
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-@pytest.mark.parametrize("channels", [1, 3])
 @pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("source", [(41, 29), (1, 1), (1, 2)])
-def test_bake(forms, dtype, channels, size, source):
+@pytest.mark.parametrize("margin", [0.0, 2.0])
+def test_place(forms, size, margin):
     rng = np.random.default_rng(9)
-    largest = np.iinfo(dtype).max
+    owner = np.where(rng.random(size[::-1]) < 0.3, 0, rng.integers(0, 41, size[::-1]))
+    found = assert_same(
+        forms,
+        "place",
+        {"place_out": junk((2, *size[::-1]), np.float32)},
+        corners=triangles(40, size, (41, 29)),
+        owner=np.where(rng.random(size[::-1]) < 0.5, owner, owner + (1 << 30) * (owner > 0)).astype(np.int32),
+        margin=margin,
+        texture_width=size[0],
+        texture_height=size[1],
+    )["place_out"]
+    np.testing.assert_array_equal(np.isnan(found), np.broadcast_to(owner == 0, found.shape))
+
+
+def light(size, gaps):
+    """Light with some texels missing."""
+    rng = np.random.default_rng(10)
+    out = rng.integers(0, 65536, (*size[::-1], 4)).astype(np.uint16)
+    out[..., 3] = np.where(rng.random(size[::-1]) < gaps, 0, 65535)
+    return out
+
+
+def places(size, source):
+    """Places in a picture and a little beyond it, and some that are none."""
+    rng = np.random.default_rng(11)
+    out = rng.uniform(-3, 1, (2, *size[::-1])) + rng.uniform(0, 1, (2, *size[::-1])) * np.reshape(source, (2, 1, 1))
+    out[:, rng.random(size[::-1]) < 0.3] = np.nan
+    return out.astype(np.float32)
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("source", [(41, 29), (1, 1), (4, 5)])
+@pytest.mark.parametrize(("cell", "bias", "gain"), [(1.0, 0.0, 1.0), (2.0, 32768.0, 3.0)])
+def test_bake(forms, size, source, cell, bias, gain):
     assert_same(
         forms,
         "bake",
-        {"texture_out": junk((*size[::-1], 3), np.uint8), "covered_out": junk(size[::-1], np.uint8)},
-        picture=rng.integers(0, largest + 1, (*source[::-1], channels)).astype(dtype),
-        corners=triangles(40, size, source),
-        owner=np.where(rng.random(size[::-1]) < 0.3, 0, rng.integers(0, 41, size[::-1])).astype(np.int32),
+        {"texture_out": light(size, 0.5)},
+        light=light(source, 0.0),
+        places=places(size, source),
         width=source[0],
         height=source[1],
-        channels=channels,
-        scale=270 / largest,
+        cell=cell,
+        bias=bias,
+        gain=gain,
         texture_width=size[0],
         texture_height=size[1],
     )
 
 
-@pytest.mark.parametrize("share", [0.0, 0.02, 0.5, 1.0])
 @pytest.mark.parametrize("size", SIZES)
-def test_dilate(forms, share, size):
-    rng = np.random.default_rng(10)
-    covered = (rng.random(size[::-1]) < share).astype(np.uint8)
-    covered[:, size[0] // 2 : -3] = 1
+@pytest.mark.parametrize("source", [(41, 29), (1, 1), (4, 5)])
+def test_residual(forms, size, source):
     assert_same(
         forms,
-        "dilate",
-        {"texture_out": junk((*size[::-1], 3), np.uint8), "covered_out": junk(size[::-1], np.uint8)},
-        texture=rng.integers(0, 256, (*size[::-1], 3)).astype(np.uint8) * covered[..., None],
-        covered=covered,
+        "residual",
+        {"residual_out": junk((*size[::-1], 4), np.uint16)},
+        light=light(size, 0.0),
+        texture=light(source, 0.1),
+        places=places(size, source),
+        texture_width=source[0],
+        texture_height=source[1],
         width=size[0],
         height=size[1],
     )

@@ -100,11 +100,12 @@ def test_triangles_that_overlap_are_drawn_by_one_thread():
         "cover",
         corners=backend.upload(corners),
         triangles=len(corners),
+        reach=0.0,
         texture_width=12,
         texture_height=12,
         owner_out=owner,
     )
-    np.testing.assert_array_equal(np.unique(backend.download(owner)), [4000])
+    np.testing.assert_array_equal(np.unique(backend.download(owner)), [4000 + (1 << 30)])
 
 
 def test_callers_in_several_threads_get_their_own_answers():

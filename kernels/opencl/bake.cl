@@ -1,28 +1,27 @@
 // Resample a picture into a texture atlas.
-#include "sampling.h"
-#include "weights.h"
+#include "light.h"
+#include "cubic.h"
 #include "bake_texel.h"
 
-// Colour of every texel that a triangle owns, and 1 in covered_out; 0 elsewhere.
-// corners is (F, 3, 5): a corner's place in the atlas in texels, and u z, v z, z of its pixel (u, v) in the
-// picture, so that perspective stays exact inside of a triangle. scale takes the picture's values to 0..255.
+// Adds (sample - bias) gain to every texel that has a place in the picture, see place.cl, within 0..65535, and sets its
+// fourth number to 65535. A pixel of `light` is `cell` pixels of that picture wide.
 __kernel void bake(
     // In:
-    __global const PIXEL *picture,
-    __global const float *corners,
-    __global const int *owner,
+    __global const ushort *light,
+    __global const float *places,
     int width,
     int height,
-    int channels,
-    float scale,
+    float cell,
+    float bias,
+    float gain,
     int texture_width,
     int texture_height,
     // Out:
-    __global uchar *texture_out,
-    __global uchar *covered_out)
+    __global ushort *texture_out)
 {
     int x = get_global_id(0), y = get_global_id(1);
     if (x >= texture_width || y >= texture_height) return;
-    bake_texel(
-        picture, corners, owner, width, height, channels, scale, texture_width, x, y, texture_out, covered_out);
+    int texel = y * texture_width + x;
+    float u = places[texel], v = places[texture_width * texture_height + texel];
+    if (u == u) bake_texel(light, width, height, u, v, 1.0f / cell, bias, gain, texel, texture_out);
 }

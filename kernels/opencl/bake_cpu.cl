@@ -1,133 +1,98 @@
 // Resample a picture into a texture atlas: the form for CPUs.
 //
-// A work-item owns a band of rows of the atlas and takes LANES texels at a time, each with its own triangle.
+// A work-item owns a band of rows of the atlas. The shares of LANES texels are found at a time; then one texel after the
+// other takes its 4 x 4 pixels, a row of which, with all their colours, is one vector.
 #include "lanes.h"
-#include "sampling.h"
-#include "weights.h"
+#include "light.h"
+#include "cubic.h"
 #include "bake_texel.h"
-#include "colours.h"
-#include "quarters.h"
-typedef uint uint_lanes __attribute__((ext_vector_type(LANES)));
-typedef uchar padded_lanes __attribute__((ext_vector_type(4 * LANES)));
-typedef uchar colour_lanes __attribute__((ext_vector_type(3 * LANES), aligned(1)));
+typedef ushort row_of_four __attribute__((ext_vector_type(16), aligned(2)));
+typedef float floats_of_four __attribute__((ext_vector_type(16)));
+typedef float colour __attribute__((ext_vector_type(4)));
+typedef ushort packed_colour __attribute__((ext_vector_type(4), aligned(8)));
 
-// Where LANES samples lie: indices of their four neighbours, and their shares.
-typedef struct {
-    int_lanes p00, p01, p10, p11;
-    lanes across, down;
-} Places;
-
-inline int_lanes clamp_lanes(int_lanes index, int size)
+// Shares of LANES samples, as cubic_shares has them.
+inline void shares_of(lanes t, float *shares)
 {
-    index = index < 0 ? 0 : index;
-    return index < size ? index : size - 1;
+    *(lanes *)shares = ((-0.5f * t + 1.0f) * t - 0.5f) * t;
+    *(lanes *)(shares + LANES) = (1.5f * t - 2.5f) * t * t + 1.0f;
+    *(lanes *)(shares + 2 * LANES) = ((-1.5f * t + 2.0f) * t + 0.5f) * t;
+    *(lanes *)(shares + 3 * LANES) = (0.5f * t - 0.5f) * t * t;
 }
 
-// The colours of pixels by their index, which has no memory behind its last pixel.
-inline four_lanes load_colours(__global const PIXEL *picture, int_lanes index, int pixels)
+inline floats_of_four pixels_at(__global const ushort *light, int index)
 {
-#define COLOUR(i) *(__global const LooseFour *)(picture + i)
-    int_lanes at = index * 3, last = pixels * 3 - 4;
-    int_lanes safe = at < last ? at : last;
-    return (four_lanes)EACH(COLOUR, safe) >> __builtin_convertvector((at - safe) * BITS, four_lanes);
+    return __builtin_convertvector(*(__global const row_of_four *)(light + (long)index * 4), floats_of_four);
 }
 
-inline four_lanes load_greys(__global const PIXEL *picture, int_lanes index)
+// The sample whose first pixel of 4 x 4 is at `index`; the same order of operations as in cubic.h.
+inline colour sample_inside(__global const ushort *light, int index, int width, const float *across, const float *down)
 {
-#define GREY(i) (Four)picture[i]
-    return (four_lanes)EACH(GREY, index);
-}
-
-// Levels 0 to 255 of one channel; the same order of operations as in sampling.h.
-inline uint_lanes blend(
-    four_lanes p00, four_lanes p01, four_lanes p10, four_lanes p11, int shift, Places at, float scale, int_lanes owned)
-{
-    lanes upper = levels(p00, shift) * (1.0f - at.across) + levels(p01, shift) * at.across;
-    lanes lower = levels(p10, shift) * (1.0f - at.across) + levels(p11, shift) * at.across;
-    lanes value = scale * (upper * (1.0f - at.down) + lower * at.down);
-    value = owned ? value : 0.0f;
-    return __builtin_convertvector((value < 255.0f ? value : 255.0f) + 0.5f, uint_lanes);
-}
-
-// Where in the picture the centres of LANES texels lie; the same order of operations as in weights.h.
-inline Places find_places(
-    __global const float *corners, int_lanes face, int_lanes owned, int x, int y, int width, int height)
-{
-    lanes ax, ay, au, av, az, bx, by, bu, bv, bz, cx, cy, cu, cv, cz;
-    load_fours(corners, face * 15, &ax, &ay, &au, &av);
-    load_fours(corners, face * 15 + 4, &az, &bx, &by, &bu);
-    load_fours(corners, face * 15 + 8, &bv, &bz, &cx, &cy);
-    load_fours(corners, face * 15 + 11, &cy, &cu, &cv, &cz);
-    lanes px = __builtin_convertvector(lane_numbers() + x, lanes) + 0.5f;
-    float py = (float)y + 0.5f;
-    lanes area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax);
-    lanes a = ((bx - px) * (cy - py) - (by - py) * (cx - px)) / area;
-    lanes b = ((cx - px) * (ay - py) - (cy - py) * (ax - px)) / area;
-    lanes c = 1.0f - a - b;
-    a = area == 0.0f ? -1.0f : a;
-    b = area == 0.0f ? -1.0f : b;
-    c = area == 0.0f ? -1.0f : c;
-    lanes z = a * az + b * bz + c * cz;
-    lanes u = (a * au + b * bu + c * cu) / z, v = (a * av + b * bv + c * cv) / z;
-    u = owned ? u : 0.0f;
-    v = owned ? v : 0.0f;
-    lanes column = floor_lanes(u), row = floor_lanes(v);
-    int_lanes left = __builtin_convertvector(column, int_lanes), top = __builtin_convertvector(row, int_lanes);
-    int_lanes right = clamp_lanes(left + 1, width), bottom = clamp_lanes(top + 1, height) * width;
-    left = clamp_lanes(left, width);
-    top = clamp_lanes(top, height) * width;
-    Places at = {top + left, top + right, bottom + left, bottom + right, u - column, v - row};
-    return at;
+    floats_of_four sum = pixels_at(light, index) * down[0] + pixels_at(light, index + width) * down[LANES] +
+        pixels_at(light, index + 2 * width) * down[2 * LANES] + pixels_at(light, index + 3 * width) * down[3 * LANES];
+    float columns[16] __attribute__((aligned(64)));
+    *(floats_of_four *)columns = sum;
+    const colour *column = (const colour *)columns;
+    return column[0] * across[0] + column[1] * across[LANES] + column[2] * across[2 * LANES] +
+        column[3] * across[3 * LANES];
 }
 
 // What bake.cl computes.
 __kernel void bake(
     // In:
-    __global const PIXEL *picture,
-    __global const float *corners,
-    __global const int *owner,
+    __global const ushort *light,
+    __global const float *places,
     int width,
     int height,
-    int channels,
-    float scale,
+    float cell,
+    float bias,
+    float gain,
     int texture_width,
     int texture_height,
     // Out:
-    __global uchar *texture_out,
-    __global uchar *covered_out)
+    __global ushort *texture_out)
 {
     int2 rows = band_of_rows(texture_height);
-    int few = texture_width < LANES || width * height < 2;
+    float share = 1.0f / cell;
     for (int y = rows.x; y < rows.y; y++) {
-        for (int start = 0; start < texture_width; start += few ? 1 : LANES) {
-            if (few) {
-                bake_texel(
-                    picture, corners, owner, width, height, channels, scale, texture_width, start, y, texture_out,
-                    covered_out);
-                continue;
+        __global const float *us = places + (long)y * texture_width, *vs = us + (long)texture_height * texture_width;
+        for (int x = 0; x < texture_width; x += LANES) {
+            if (x + LANES > texture_width) {
+                for (; x < texture_width; x++)
+                    if (us[x] == us[x])
+                        bake_texel(
+                            light, width, height, us[x], vs[x], share, bias, gain, y * texture_width + x, texture_out);
+                break;
             }
-            // The last lanes of a row overlap with those before.
-            int x = start + LANES <= texture_width ? start : texture_width - LANES;
-            long texel = (long)y * texture_width + x;
-            int_lanes number = *(__global const int_lanes *)(owner + texel), owned = number > 0;
-            uint_lanes colour = 0;
-            if (any_lane(owned)) {
-                Places at = find_places(corners, (owned ? number : 1) - 1, owned, x, y, width, height);
-                int grey = channels == 1;
-                four_lanes p00 = grey ? load_greys(picture, at.p00) : load_colours(picture, at.p00, width * height);
-                four_lanes p01 = grey ? load_greys(picture, at.p01) : load_colours(picture, at.p01, width * height);
-                four_lanes p10 = grey ? load_greys(picture, at.p10) : load_colours(picture, at.p10, width * height);
-                four_lanes p11 = grey ? load_greys(picture, at.p11) : load_colours(picture, at.p11, width * height);
-                colour = blend(p00, p01, p10, p11, 0, at, scale, owned);
-                uint_lanes green = grey ? colour : blend(p00, p01, p10, p11, BITS, at, scale, owned);
-                uint_lanes blue = grey ? colour : blend(p00, p01, p10, p11, 2 * BITS, at, scale, owned);
-                colour = colour | green << 8 | blue << 16;
+            lanes u = *(__global const lanes *)(us + x), v = *(__global const lanes *)(vs + x);
+            int_lanes there = u == u;
+            if (!any_lane(there)) continue;
+            u = there ? (u + 0.5f) * share - 0.5f : 0.0f;
+            v = there ? (v + 0.5f) * share - 0.5f : 0.0f;
+            lanes left = floor_lanes(u), top = floor_lanes(v);
+            float across[4 * LANES] ALIGNED, down[4 * LANES] ALIGNED;
+            shares_of(u - left, across);
+            shares_of(v - top, down);
+            int_lanes column = __builtin_convertvector(left, int_lanes) - 1;
+            int_lanes row = __builtin_convertvector(top, int_lanes) - 1;
+            int_lanes inside = column >= 0 & column + 3 < width & row >= 0 & row + 3 < height;
+            int first[LANES] ALIGNED;
+            *(int_lanes *)first = there ? (inside ? row * width + column : -1) : -2;
+            for (int k = 0; k < LANES; k++) {
+                if (first[k] == -2) continue;
+                int texel = y * texture_width + x + k;
+                if (first[k] < 0) {
+                    bake_texel(light, width, height, us[x + k], vs[x + k], share, bias, gain, texel, texture_out);
+                    continue;
+                }
+                colour value = sample_inside(light, first[k], width, across + k, down + k);
+                __global packed_colour *to = (__global packed_colour *)texture_out + texel;
+                colour sum = __builtin_convertvector(*to, colour) + (value - bias) * gain;
+                sum.w = 65535.0f;
+                sum = sum > 0.0f ? sum : 0.0f;
+                sum = (sum < 65535.0f ? sum : 65535.0f) + 0.5f;
+                *to = __builtin_convertvector(sum, packed_colour);
             }
-            padded_lanes padded = __builtin_astype(colour, padded_lanes);
-            *(__global colour_lanes *)(texture_out + texel * 3) =
-                __builtin_shufflevector(padded, padded, WITHOUT_FOURTHS);
-            lanes one = owned ? 1.0f : 0.0f;
-            *(__global uchar_lanes *)(covered_out + texel) = __builtin_convertvector(one, uchar_lanes);
         }
     }
 }

@@ -1,25 +1,12 @@
-// One texel of bake; needs sampling.h and weights.h.
+// One texel of bake; needs cubic.h.
 
-// Colour of a texel that a triangle owns, and 1; black and 0 elsewhere. See bake.cl.
+// Add to a texel what its place in a picture of light shows. See bake.cl.
 inline void bake_texel(
-    __global const PIXEL *picture, __global const float *corners, __global const int *owner, int width, int height,
-    int channels, float scale, int texture_width, int x, int y, __global uchar *texture_out,
-    __global uchar *covered_out)
+    __global const ushort *light, int width, int height, float u, float v, float share, float bias, float gain,
+    int texel, __global ushort *texture_out)
 {
-    int texel = y * texture_width + x, face = owner[texel] - 1;
-    covered_out[texel] = face >= 0;
-    float u = 0.0f, v = 0.0f;
-    if (face >= 0) {
-        __global const float *at = corners + face * 15;
-        Weights share = weights(corners, face, x, y);
-        float z = share.a * at[4] + share.b * at[9] + share.c * at[14];
-        u = (share.a * at[2] + share.b * at[7] + share.c * at[12]) / z;
-        v = (share.a * at[3] + share.b * at[8] + share.c * at[13]) / z;
-    }
-    for (int channel = 0; channel < 3; channel++) {
-        float value = 0.0f;
-        if (face >= 0)
-            value = scale * sample(picture, width, height, channels, channel < channels ? channel : channels - 1, u, v);
-        texture_out[texel * 3 + channel] = (uchar)((value < 255.0f ? value : 255.0f) + 0.5f);
-    }
+    float4 value = sample_cubic(light, width, height, (u + 0.5f) * share - 0.5f, (v + 0.5f) * share - 0.5f);
+    float4 sum = light_at(texture_out, texel) + (value - bias) * gain;
+    sum.w = 65535.0f;
+    put_light(texture_out, texel, sum);
 }

@@ -1,17 +1,22 @@
 // Which triangle each texel of the atlas belongs to.
+#include "owner.h"
 #include "weights.h"
+#include "extremes.h"
 
-inline float least(float a, float b, float c) { return a < b ? (a < c ? a : c) : (b < c ? b : c); }
-inline float most(float a, float b, float c) { return a > b ? (a > c ? a : c) : (b > c ? b : c); }
 inline int clamp_end(int index, int size) { return index < 0 ? 0 : index > size ? size : index; }
 
-// Number of the last triangle that holds the texel's centre, counted from 1; must come in as 0.
+// Squared length of a side.
+inline float squared(float x, float y) { return x * x + y * y; }
+
+// Number of the last triangle that holds the texel's centre, counted from 1, and INSIDE; where none does, of the last
+// one that has it within `reach` texels of its sides. Must come in as 0.
 // corners is (F, 3, 5), a corner's place in the atlas in texels first. The last one wins whatever the order in
 // which triangles are drawn, so that a texture does not change from run to run.
 __kernel void cover(
     // In:
     __global const float *corners,
     int triangles,
+    float reach,
     int texture_width,
     int texture_height,
     // Out:
@@ -20,15 +25,25 @@ __kernel void cover(
     int face = get_global_id(0);
     if (face >= triangles) return;
     __global const float *at = corners + face * 15;
-    int first_x = clamp_end((int)floor(least(at[0], at[5], at[10])), texture_width);
-    int first_y = clamp_end((int)floor(least(at[1], at[6], at[11])), texture_height);
-    int last_x = clamp_end((int)ceil(most(at[0], at[5], at[10])), texture_width);
-    int last_y = clamp_end((int)ceil(most(at[1], at[6], at[11])), texture_height);
+    float ax = at[0], ay = at[1], bx = at[5], by = at[6], cx = at[10], cy = at[11];
+    float area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax);
+    if (area == 0.0f) return;
+    // A weight times the area is the distance from its side times that side's length.
+    float far_a = reach * reach * squared(bx - cx, by - cy);
+    float far_b = reach * reach * squared(cx - ax, cy - ay);
+    float far_c = reach * reach * squared(ax - bx, ay - by);
+    int first_x = clamp_end(floor_to_int(least(ax, bx, cx) - reach), texture_width);
+    int first_y = clamp_end(floor_to_int(least(ay, by, cy) - reach), texture_height);
+    int last_x = clamp_end(-floor_to_int(-most(ax, bx, cx) - reach), texture_width);
+    int last_y = clamp_end(-floor_to_int(-most(ay, by, cy) - reach), texture_height);
     for (int y = first_y; y < last_y; y++) {
         for (int x = first_x; x < last_x; x++) {
-            Weights inside = weights(corners, face, x, y);
-            if (inside.a >= 0.0f && inside.b >= 0.0f && inside.c >= 0.0f)
-                atomic_max(owner_out + y * texture_width + x, face + 1);
+            Weights share = weights(corners, face, x, y);
+            int inside = share.a >= 0.0f && share.b >= 0.0f && share.c >= 0.0f;
+            float a = share.a * area, b = share.b * area, c = share.c * area;
+            int near = (share.a >= 0.0f || a * a <= far_a) && (share.b >= 0.0f || b * b <= far_b) &&
+                (share.c >= 0.0f || c * c <= far_c);
+            if (inside || near) atomic_max(owner_out + y * texture_width + x, inside ? face + 1 + INSIDE : face + 1);
         }
     }
 }

@@ -1,11 +1,9 @@
 """Resample a picture into a texture atlas."""
 
-from typing import Any
-
 import warp as wp
 
-from stereo_gpu.kernels.warp.cover import weights
-from stereo_gpu.kernels.warp.sampling import sample
+from stereo_gpu.kernels.warp.cubic import sample_cubic
+from stereo_gpu.kernels.warp.light import light_at, put_light
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -13,38 +11,28 @@ wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 @wp.kernel
 def bake(
     # In:
-    picture: wp.array(dtype=Any),
-    corners: wp.array(dtype=float),
-    owner: wp.array(dtype=int),
+    light: wp.array(dtype=wp.uint16),
+    places: wp.array(dtype=float),
     width: int,
     height: int,
-    channels: int,
-    scale: float,
+    cell: float,
+    bias: float,
+    gain: float,
     texture_width: int,
     texture_height: int,
     # Out:
-    texture_out: wp.array(dtype=wp.uint8),
-    covered_out: wp.array(dtype=wp.uint8),
+    texture_out: wp.array(dtype=wp.uint16),
 ):
-    """Colour of every texel that a triangle owns, and 1 in covered_out; 0 elsewhere.
+    """Adds (sample - bias) gain to every texel that has a place in the picture, see place.py, within 0..65535.
 
-    corners is (F, 3, 5): a corner's place in the atlas in texels, and u z, v z, z of its pixel (u, v) in the
-    picture, so that perspective stays exact inside of a triangle. scale takes the picture's values to 0..255.
+    The fourth number of such a texel becomes 65535. A pixel of `light` is `cell` pixels of that picture wide.
     """
     y, x = wp.tid()
     texel = y * texture_width + x
-    face = owner[texel] - 1
-    covered_out[texel] = wp.uint8(wp.min(owner[texel], 1))
-    u = float(0.0)
-    v = float(0.0)
-    if face >= 0:
-        at = face * 15
-        share = weights(corners, face, x, y)
-        z = share[0] * corners[at + 4] + share[1] * corners[at + 9] + share[2] * corners[at + 14]
-        u = (share[0] * corners[at + 2] + share[1] * corners[at + 7] + share[2] * corners[at + 12]) / z
-        v = (share[0] * corners[at + 3] + share[1] * corners[at + 8] + share[2] * corners[at + 13]) / z
-    for channel in range(3):
-        value = float(0.0)
-        if face >= 0:
-            value = scale * sample(picture, width, height, channels, wp.min(channel, channels - 1), u, v)
-        texture_out[texel * 3 + channel] = wp.uint8(wp.min(value, 255.0) + 0.5)
+    u = places[texel]
+    v = places[texture_width * texture_height + texel]
+    if u == u:
+        share = 1.0 / cell
+        value = sample_cubic(light, width, height, (u + 0.5) * share - 0.5, (v + 0.5) * share - 0.5)
+        sum = light_at(texture_out, texel) + (value - wp.vec4(bias, bias, bias, bias)) * gain
+        put_light(texture_out, texel, wp.vec4(sum[0], sum[1], sum[2], 65535.0))

@@ -2,27 +2,21 @@
 
 import warp as wp
 
+from stereo_gpu.kernels.warp.owner import INSIDE, weights
+
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 
 @wp.func
-def weights(corners: wp.array(dtype=float), face: int, x: int, y: int) -> wp.vec3:
-    """Barycentric weights of the centre of texel (x, y) in a triangle; (-1, -1, -1) where it has no area."""
-    at = face * 15
-    ax = corners[at]
-    ay = corners[at + 1]
-    bx = corners[at + 5]
-    by = corners[at + 6]
-    cx = corners[at + 10]
-    cy = corners[at + 11]
-    area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
-    if area == 0.0:
-        return wp.vec3(-1.0, -1.0, -1.0)
-    px = float(x) + 0.5
-    py = float(y) + 0.5
-    a = ((bx - px) * (cy - py) - (by - py) * (cx - px)) / area
-    b = ((cx - px) * (ay - py) - (cy - py) * (ax - px)) / area
-    return wp.vec3(a, b, 1.0 - a - b)
+def squared(x: float, y: float) -> float:
+    """Squared length of a side."""
+    return x * x + y * y
+
+
+@wp.func
+def holds(share: float, off: float, far: float) -> bool:
+    """Whether a texel is on the inner side of a side, or near it."""
+    return share >= 0.0 or off * off <= far
 
 
 @wp.kernel
@@ -30,15 +24,17 @@ def cover(
     # In:
     corners: wp.array(dtype=float),
     triangles: int,
+    reach: float,
     texture_width: int,
     texture_height: int,
     # Out:
     owner_out: wp.array(dtype=int),
 ):
-    """Number of the last triangle that holds the texel's centre, counted from 1; must come in as 0.
+    """Number of the last triangle that holds the texel's centre, counted from 1, and INSIDE.
 
-    corners is (F, 3, 5), a corner's place in the atlas in texels first. The last one wins whatever the order in
-    which triangles are drawn, so that a texture does not change from run to run.
+    Where none does, of the last one that has it within `reach` texels of its sides. Must come in as 0. corners is
+    (F, 3, 5), a corner's place in the atlas in texels first. The last one wins whatever the order in which triangles
+    are drawn, so that a texture does not change from run to run.
     """
     face = wp.tid()
     at = face * 15
@@ -48,12 +44,28 @@ def cover(
     by = corners[at + 6]
     cx = corners[at + 10]
     cy = corners[at + 11]
-    first_x = wp.clamp(int(wp.floor(wp.min(ax, wp.min(bx, cx)))), 0, texture_width)
-    first_y = wp.clamp(int(wp.floor(wp.min(ay, wp.min(by, cy)))), 0, texture_height)
-    last_x = wp.clamp(int(wp.ceil(wp.max(ax, wp.max(bx, cx)))), 0, texture_width)
-    last_y = wp.clamp(int(wp.ceil(wp.max(ay, wp.max(by, cy)))), 0, texture_height)
+    area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+    if area == 0.0:
+        return
+    # A weight times the area is the distance from its side times that side's length.
+    far_a = reach * reach * squared(bx - cx, by - cy)
+    far_b = reach * reach * squared(cx - ax, cy - ay)
+    far_c = reach * reach * squared(ax - bx, ay - by)
+    first_x = wp.clamp(int(wp.floor(wp.min(ax, wp.min(bx, cx)) - reach)), 0, texture_width)
+    first_y = wp.clamp(int(wp.floor(wp.min(ay, wp.min(by, cy)) - reach)), 0, texture_height)
+    last_x = wp.clamp(int(wp.ceil(wp.max(ax, wp.max(bx, cx)) + reach)), 0, texture_width)
+    last_y = wp.clamp(int(wp.ceil(wp.max(ay, wp.max(by, cy)) + reach)), 0, texture_height)
     for y in range(first_y, last_y):
         for x in range(first_x, last_x):
-            inside = weights(corners, face, x, y)
-            if inside[0] >= 0.0 and inside[1] >= 0.0 and inside[2] >= 0.0:
-                wp.atomic_max(owner_out, y * texture_width + x, face + 1)
+            share = weights(corners, face, x, y)
+            number = int(0)
+            if share[0] >= 0.0 and share[1] >= 0.0 and share[2] >= 0.0:
+                number = face + 1 + INSIDE
+            elif (
+                holds(share[0], share[0] * area, far_a)
+                and holds(share[1], share[1] * area, far_b)
+                and holds(share[2], share[2] * area, far_c)
+            ):
+                number = face + 1
+            if number > 0:
+                wp.atomic_max(owner_out, y * texture_width + x, number)

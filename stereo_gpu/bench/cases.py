@@ -292,9 +292,16 @@ KERNELS = (
         launches=12,
         operations=_constant(12 * 6),
     ),
+    KernelCase(name="decode", kernel="decode", stage=_baking),
     KernelCase(name="cover", kernel="cover", stage=_baking),
-    KernelCase(name="bake", kernel="bake", stage=_baking),
-    KernelCase(name="dilate", kernel="dilate", stage=_baking),
+    KernelCase(name="place", kernel="place", stage=_baking),
+    # Shares of 4 + 4 pixels (26), 16 + 4 products and their sums in three colours (117), what is added (15).
+    KernelCase(name="bake", kernel="bake", stage=_baking, operations=_constant(158)),
+    # In three colours 6 products and their sums (27), the difference (9).
+    KernelCase(name="residual", kernel="residual", stage=_baking, operations=_constant(36)),
+    KernelCase(name="pull", kernel="pull", stage=_baking),
+    KernelCase(name="push", kernel="push", stage=_baking),
+    KernelCase(name="encode", kernel="encode", stage=_baking),
     KernelCase(name="rasterise", kernel="rasterise", stage=_drawing),
     KernelCase(name="shade", kernel="shade", stage=_drawing),
 )

@@ -1,0 +1,29 @@
+"""A picture's levels as linear light."""
+
+from typing import Any
+
+import warp as wp
+
+wp.set_module_options({"enable_backward": False, "fuse_fp": False})
+
+
+@wp.kernel
+def decode(
+    # In:
+    picture: wp.array(dtype=Any),
+    table: wp.array(dtype=wp.uint16),
+    width: int,
+    height: int,
+    channels: int,
+    # Out:
+    light_out: wp.array(dtype=wp.uint16),
+):
+    """Light of every pixel, 16 bits each of red, green, blue and 65535: what the table says of the pixel's levels.
+
+    Levels must not be more than it has entries. A grey picture has the same in all three.
+    """
+    y, x = wp.tid()
+    pixel = y * width + x
+    for channel in range(3):
+        light_out[pixel * 4 + channel] = table[int(picture[pixel * channels + wp.min(channel, channels - 1)])]
+    light_out[pixel * 4 + 3] = wp.uint16(65535)
