@@ -79,6 +79,13 @@ def write_glb(
         InputError: the mesh's unit is unknown or its arrays do not fit, the texture is too large for its format or
             this is unknown, or the file cannot be written.
     """
+    return write_whole(path, pack_glb(mesh, texture_format=texture_format, quality=quality, camera=camera))
+
+
+def pack_glb(
+    mesh: Mesh, *, texture_format: str = "png", quality: int | None = None, camera: Standpoint | None = None
+) -> bytes:
+    """The bytes of the file that `write_glb` writes."""
     check_mesh(mesh)
     check_texture_format(texture_format, quality)
     positions = (to_viewer(mesh.vertices) * METRES_SHOWN[mesh.unit]).astype("<f4")
@@ -162,7 +169,7 @@ def write_glb(
     described += b" " * (-len(described) % 4)
     header = struct.pack("<4sII", b"glTF", 2, 12 + 8 + len(described) + 8 + at)
     chunks = [struct.pack("<I4s", len(described), b"JSON"), described, struct.pack("<I4s", at, b"BIN\0")]
-    return write_whole(path, b"".join([header, *chunks, *pieces]))
+    return b"".join([header, *chunks, *pieces])
 
 
 def _camera(camera: Standpoint, metres: float, positions: Floats, nodes: Any) -> dict[str, Any]:

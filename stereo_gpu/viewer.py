@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+import base64
+import dataclasses
 import io
 import json
 import logging
-import re
+import zipfile
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
+import cv2
 import numpy as np
 
 from stereo_gpu.errors import StageError
 from stereo_gpu.export_frame import METRES_SHOWN
+from stereo_gpu.export_gltf import pack_glb
 from stereo_gpu.orbit import orbit, spread
-from stereo_gpu.types import Bytes, Mesh
+from stereo_gpu.types import Mesh
 
 log = logging.getLogger(__name__)
 
 _TEXTURE_SIDE = 2048  # px: what a phone can hold, and enough for a window on a page
 _TEXTURE_QUALITY = 88
+_TEMPLATE = ("resources", "templates", "viewer.zip")  # within trimesh
 # From here on trimesh's page is its own stage: white, lit, and turning about the middle of the bounding box.
 _STAGE = "var camera,controls,scene,renderer,tracklight;"
 _BODY = """<style>
@@ -53,19 +58,16 @@ def viewer_page(mesh: Mesh) -> str:
     Raises:
         StageError: the mesh has no face in front of the cameras.
     """
-    from trimesh.viewer import scene_to_html
-
     vertices = mesh.vertices.astype(np.float64)
     drawable = np.isfinite(vertices).all(axis=1) & (vertices[:, 2] > 0)
     faces = mesh.faces[np.all(drawable[mesh.faces], axis=1)]
     if not len(faces):
         raise StageError(f"none of {len(mesh.faces)} faces can be shown: mesh a larger part of the disparity")
-    page = str(scene_to_html(_scene(mesh)))
-    library, found, rest = page.partition(_STAGE)
-    glb = re.search(r'base64_data="([A-Za-z0-9+/=]+)"', rest)
-    if not found or glb is None:
+    glb = pack_glb(_with_small_texture(mesh), texture_format="jpeg", quality=_TEXTURE_QUALITY)
+    library, found, _ = _library().partition(_STAGE)
+    if not found:
         log.warning("trimesh's viewer page has changed: the report shows the model on trimesh's own stage")
-        return page
+        return _page_of_trimesh(glb)
     size = (400, 300)
     camera = orbit(spread(vertices, faces), size)
     scale = METRES_SHOWN[mesh.unit]
@@ -78,34 +80,38 @@ def viewer_page(mesh: Mesh) -> str:
         "halfHeight": size[1] / 2 / camera.focal,
     }
     script = Path(__file__).with_name("viewer.js").read_text(encoding="utf-8")
-    own = f'const glb="{glb.group(1)}";\nconst stage={json.dumps(stage)};\n{script}'
+    own = f'const glb="{base64.b64encode(glb).decode()}";\nconst stage={json.dumps(stage)};\n{script}'
     return f"{library}</script>\n{_BODY}<script>\n{own}</script></body>\n</html>\n"
 
 
-def _scene(mesh: Mesh) -> Any:
-    """The mesh as trimesh holds it: metres, y up, z towards the viewer, uv from the bottom left, JPEG."""
+def _library() -> str:
+    """The page that trimesh makes viewers of, three.js within; "" where it is not in its place any more.
+
+    It is read without importing trimesh, which takes a tenth of a second and more.
+    """
+    found = find_spec("trimesh")
+    for folder in (found.submodule_search_locations or ()) if found else ():
+        try:
+            with zipfile.ZipFile(Path(folder, *_TEMPLATE)) as archive:
+                return archive.read("viewer.html.template").decode()
+        except (OSError, KeyError, zipfile.BadZipFile):
+            continue
+    return ""
+
+
+def _page_of_trimesh(glb: bytes) -> str:
     import trimesh
+    from trimesh.viewer import scene_to_html
 
-    scale = METRES_SHOWN[mesh.unit]
-    material = trimesh.visual.material.PBRMaterial(
-        baseColorTexture=_jpeg(mesh.texture), metallicFactor=0.0, roughnessFactor=1.0
-    )
-    uv = np.stack([mesh.uv[:, 0], 1 - mesh.uv[:, 1]], axis=1)
-    geometry = trimesh.Trimesh(
-        vertices=mesh.vertices * np.array([scale, -scale, -scale]),
-        faces=mesh.faces,
-        visual=trimesh.visual.TextureVisuals(uv=uv, material=material),
-        process=False,
-    )
-    return trimesh.Scene([geometry])
+    return str(scene_to_html(trimesh.load_scene(io.BytesIO(glb), file_type="glb")))
 
 
-def _jpeg(texture: Bytes) -> Any:
-    """A JPEG picture that trimesh embeds as it is; a lossless texture would fill most of the page."""
-    from PIL import Image
-
-    picture = Image.fromarray(texture)
-    picture.thumbnail((_TEXTURE_SIDE, _TEXTURE_SIDE))
-    packed = io.BytesIO()
-    picture.save(packed, "JPEG", quality=_TEXTURE_QUALITY)
-    return Image.open(packed)
+def _with_small_texture(mesh: Mesh) -> Mesh:
+    """With a texture that a phone can hold."""
+    height, width = mesh.texture.shape[:2]
+    largest = max(height, width)
+    if largest <= _TEXTURE_SIDE:
+        return mesh
+    size = (max(1, round(width * _TEXTURE_SIDE / largest)), max(1, round(height * _TEXTURE_SIDE / largest)))
+    small = cv2.resize(mesh.texture, size, interpolation=cv2.INTER_AREA)
+    return dataclasses.replace(mesh, texture=np.asarray(small, np.uint8))
