@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+import os
+import re
+import zlib
+from pathlib import Path
+
 import numpy as np
 
 from stereo_gpu.errors import InputError
@@ -44,3 +49,13 @@ def check_shown(unit: str) -> None:
     """
     if unit not in METRES_SHOWN:
         raise InputError(f"unknown unit {unit!r} of a model: its rig must have one of {', '.join(METRES_SHOWN)}")
+
+
+def plain_stem(path: Path) -> str:
+    """What a model's other files are called: its own name in one word, which every program reads whole.
+
+    Where something had to be replaced a checksum keeps two models apart.
+    """
+    stem = path.with_suffix("").name
+    plain = re.sub(r"[^\w.-]", "_", stem).lstrip("-")[:100]
+    return stem if plain == stem else f"{plain}_{zlib.crc32(os.fsencode(stem)):08x}"

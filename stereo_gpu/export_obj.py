@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import os
-import re
-import zlib
 from pathlib import Path
 
 import numpy as np
 
 from stereo_gpu.errors import InputError
-from stereo_gpu.export_frame import check_mesh, to_viewer
+from stereo_gpu.export_frame import check_mesh, plain_stem, to_viewer
 from stereo_gpu.files import check_writable_file, whole_folder, write_whole
 from stereo_gpu.texture_file import pack_texture
 from stereo_gpu.types import Mesh
 
 
-def write_obj(path: str | os.PathLike[str], mesh: Mesh) -> list[Path]:
+def write_obj(path: str | os.PathLike[str], mesh: Mesh, *, png: bytes | None = None) -> list[Path]:
     """Write `path`, and beside it its picture and its material, .png and .mtl; all three or none.
 
     The axes are those of the GLB (y up, z towards the viewer, the left camera at the origin), lengths stay in the
@@ -24,6 +22,11 @@ def write_obj(path: str | os.PathLike[str], mesh: Mesh) -> list[Path]:
 
     Programs cut the names in an OBJ at spaces, or take a leading minus for an option. Where `path` has more than
     letters, digits and `-_.` in its name, those of the other two are made of what is left, and a checksum.
+
+    Args:
+        path: of the OBJ.
+        mesh: what to write.
+        png: the bytes of its picture, where they are at hand.
 
     Returns:
         The three paths: OBJ, MTL, PNG.
@@ -36,7 +39,7 @@ def write_obj(path: str | os.PathLike[str], mesh: Mesh) -> list[Path]:
     if path.suffix.lower() in (".png", ".mtl"):
         raise InputError(f"{path} is the name of an OBJ's other file: name one that ends in .obj")
     check_writable_file(path)
-    beside = _plain(path.with_suffix("").name)
+    beside = plain_stem(path)
     uv = np.column_stack([mesh.uv[:, 0], 1 - mesh.uv[:, 1]])
     corners = np.repeat(mesh.faces + 1, 2, axis=1)  # v/vt pairs: OBJ counts from 1
     lines = [
@@ -50,16 +53,10 @@ def write_obj(path: str | os.PathLike[str], mesh: Mesh) -> list[Path]:
     # illum 1 without highlights: plain diffuse, as near to the photo as the format allows.
     described = f"newmtl photo\nKa 1 1 1\nKd 1 1 1\nKs 0 0 0\nillum 1\nmap_Kd {beside}.png\n"
     with whole_folder(path.parent) as new:
-        write_whole(new / f"{beside}.png", pack_texture(mesh.texture))
+        write_whole(new / f"{beside}.png", pack_texture(mesh.texture) if png is None else png)
         write_whole(new / f"{beside}.mtl", described)
         write_whole(new / path.name, "".join(lines))
     return [path, path.with_name(f"{beside}.mtl"), path.with_name(f"{beside}.png")]
-
-
-def _plain(stem: str) -> str:
-    """A name that every reader of OBJ and MTL takes as one word."""
-    plain = re.sub(r"[^\w.-]", "_", stem).lstrip("-")[:100]
-    return stem if plain == stem else f"{plain}_{zlib.crc32(os.fsencode(stem)):08x}"
 
 
 def _rows(form: str, table: np.ndarray) -> str:

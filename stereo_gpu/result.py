@@ -27,7 +27,7 @@ from stereo_gpu.report import Figure, write_report
 from stereo_gpu.rig import Rig
 from stereo_gpu.rig_check import RigCheck
 from stereo_gpu.self_calibrate import RigFound
-from stereo_gpu.texture_file import check_texture_format
+from stereo_gpu.texture_file import check_texture_format, pack_texture
 from stereo_gpu.types import Bytes, Disparity, Floats, Mesh, Picture, RectifiedPair, Surface, Validity, View
 
 # From the front every model looks like the photograph; a little from the side its depth can be judged.
@@ -88,8 +88,8 @@ class Reconstruction:
     ) -> list[Path]:
         """Write every file of the result, all of them or none; returns their paths.
 
-        These are model.glb, model.obj with .mtl and .png, cloud.ply, surface.vtp, disparity.pfm and .png,
-        report.html and result.json.
+        These are model.glb, model.obj with .mtl and .png, model.ply, cloud.ply, surface.vtp, disparity.pfm and
+        .png, report.html and result.json.
 
         Args:
             folder: is made if missing.
@@ -116,7 +116,9 @@ class Reconstruction:
 
     def _write_rest(self, new: Path) -> None:
         """Everything but the model and result.json."""
-        export.write_obj(new / "model.obj", self.mesh)
+        png = pack_texture(self.mesh.texture)
+        export.write_obj(new / "model.obj", self.mesh, png=png)
+        export.write_ply_mesh(new / "model.ply", self.mesh, png=png)
         export.write_ply(new / "cloud.ply", self.points, self._colours())
         export.write_vtp(new / "surface.vtp", self.mesh)
         export.write_pfm(new / "disparity.pfm", self.disparity.values)

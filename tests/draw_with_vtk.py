@@ -11,6 +11,7 @@ import vtkmodules.vtkRenderingOpenGL2
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOImage import vtkPNGReader
 from vtkmodules.vtkIOImport import vtkGLTFImporter, vtkOBJImporter
+from vtkmodules.vtkIOPLY import vtkPLYReader
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 from vtkmodules.vtkRenderingCore import (
     vtkActor,
@@ -31,8 +32,8 @@ window.SetOffScreenRendering(1)
 window.SetSize(COLUMNS * SCALE, ROWS * SCALE)
 window.AddRenderer(renderer)
 renderer.SetBackground(1, 0, 0)
-if model.suffix == ".vtp":
-    reader, texture = vtkXMLPolyDataReader(), vtkTexture()
+if model.suffix in (".vtp", ".ply"):
+    reader, texture = vtkXMLPolyDataReader() if model.suffix == ".vtp" else vtkPLYReader(), vtkTexture()
     reader.SetFileName(str(model))
     source = vtkPNGReader()
     source.SetFileName(str(picture))

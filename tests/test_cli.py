@@ -23,7 +23,7 @@ from stereo_gpu.rig import Rig
 WRONG_INPUT, OTHER_FAILURE = 2, 1
 BOARD = ("--board", "10x7", "--square", "30")
 RESULT = {
-    *("model.glb", "model.obj", "model.mtl", "model.png", "cloud.ply", "surface.vtp"),
+    *("model.glb", "model.obj", "model.mtl", "model.png", "model.ply", "cloud.ply", "surface.vtp"),
     *("disparity.pfm", "disparity.png", "report.html", "result.json"),
 }
 

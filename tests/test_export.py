@@ -9,7 +9,16 @@ import pytest
 import trimesh
 
 from stereo_gpu.errors import InputError
-from stereo_gpu.export import export_model, read_pfm, write_glb, write_obj, write_pfm, write_ply, write_vtp
+from stereo_gpu.export import (
+    export_model,
+    read_pfm,
+    write_glb,
+    write_obj,
+    write_pfm,
+    write_ply,
+    write_ply_mesh,
+    write_vtp,
+)
 from stereo_gpu.types import Mesh
 
 
@@ -76,7 +85,8 @@ def test_glb_holds_the_texture_as_it_is(tmp_path, mesh):
 
 def test_models_agree_with_each_other(tmp_path, mesh):
     written = export_model(tmp_path, mesh)
-    assert [path.name for path in written] == ["model.glb", "model.obj", "model.mtl", "model.png", "surface.vtp"]
+    names = ["model.glb", "model.obj", "model.mtl", "model.png", "model.ply", "surface.vtp"]
+    assert [path.name for path in written] == names
     assert sorted(path.name for path in tmp_path.iterdir()) == sorted(path.name for path in written)
     glb = trimesh.load_mesh(tmp_path / "model.glb", process=False)
     obj = trimesh.load_mesh(tmp_path / "model.obj", process=False)
@@ -108,9 +118,11 @@ def test_obj_names_its_files_in_one_word(tmp_path, mesh, name):
     assert not {material, picture} & set(again)
 
 
-def test_obj_that_is_named_like_its_picture(tmp_path, mesh):
+def test_models_that_are_named_like_their_picture(tmp_path, mesh):
     with pytest.raises(InputError, match=r"name one that ends in \.obj"):
         write_obj(tmp_path / "cup.png", mesh)
+    with pytest.raises(InputError, match=r"name one that ends in \.ply"):
+        write_ply_mesh(tmp_path / "cup.PNG", mesh)
     assert not list(tmp_path.iterdir())
 
 

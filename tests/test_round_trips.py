@@ -93,7 +93,13 @@ def test_an_f_is_not_its_own_mirror_image():
 
 @pytest.mark.parametrize(
     ("name", "metres", "tolerance"),
-    [("model.glb", 1e-3, 0), ("jpeg.glb", 1e-3, 8), ("webp.glb", 1e-3, 0), ("model.obj", 1.0, 0)],
+    [
+        ("model.glb", 1e-3, 0),
+        ("jpeg.glb", 1e-3, 8),
+        ("webp.glb", 1e-3, 0),
+        ("model.obj", 1.0, 0),
+        ("model.ply", 1.0, 0),
+    ],
 )
 def test_trimesh_reads_the_letter(folder, board, name, metres, tolerance):
     model = trimesh.load_mesh(folder / name, process=False)
@@ -121,7 +127,7 @@ def test_trimesh_reads_the_cloud(folder):
 def test_vtk_reads_the_cloud(folder, vtk):
     reader = vtk("vtkIOPLY").vtkPLYReader()
     reader.SetFileName(str(folder / "cloud.ply"))
-    assert_reads_f(*points_of(reader, vtk)[:1], arrays(reader, vtk)["RGB"])
+    assert_reads_f(points_of(reader, vtk)[0], arrays(reader, vtk)["RGB"])
 
 
 def test_vtk_reads_the_letter_from_vtp(folder, board, vtk):
@@ -133,9 +139,13 @@ def test_vtk_reads_the_letter_from_vtp(folder, board, vtk):
     np.testing.assert_array_equal(faces, board.faces)
 
 
-def test_vtk_reads_the_letter_from_obj(folder, board, vtk):
-    reader = vtk("vtkIOGeometry").vtkOBJReader()
-    reader.SetFileName(str(folder / "model.obj"))
+@pytest.mark.parametrize(
+    ("module", "kind", "name"),
+    [("vtkIOGeometry", "vtkOBJReader", "model.obj"), ("vtkIOPLY", "vtkPLYReader", "model.ply")],
+)
+def test_vtk_reads_the_letter_from_obj_and_ply(folder, board, vtk, module, kind, name):
+    reader = getattr(vtk(module), kind)()
+    reader.SetFileName(str(folder / name))
     points, uv, faces = points_of(reader, vtk)
     assert_reads_f(points, texels(folder / "model.png", uv, vtk))
     assert len(faces) == len(board.faces)
@@ -186,7 +196,7 @@ def opengl(vtk, tmp_path_factory):
         missing("opengl", f"VTK cannot draw here: {done.stderr.strip()[-200:] or done.returncode}")
 
 
-@pytest.mark.parametrize("name", ["model.glb", "jpeg.glb", "model.obj", "surface.vtp"])
+@pytest.mark.parametrize("name", ["model.glb", "jpeg.glb", "model.obj", "model.ply", "surface.vtp"])
 def test_vtk_draws_the_letter(folder, opengl, name, tmp_path):
     done, out = draw(folder / name, folder / "model.png", tmp_path / "drawn.json")
     assert done.returncode == 0, done.stderr
