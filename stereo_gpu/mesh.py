@@ -42,7 +42,7 @@ def build_mesh(
         error_px: how far the bounded mesh may lie from the disparity of a pixel that it covers, px.
         max_jump_px: no triangle holds neighbouring pixels that differ by more than this in disparity.
         min_angle_deg: no triangle that is seen at a flatter angle than this; such are drawn out between two objects,
-            not seen on one. See `seen_openly`.
+            not seen on one. See `seen_openly`. Of a map of whole pixels half of that, since it rises in steps.
         smallest_part: no connected part that covers fewer pixels of the view than this.
         farthest: no point beyond so many times the median depth, nor one at or behind the camera: tiny
             disparities give depths without meaning, and one such vertex spoils everything that scales a mesh
@@ -72,6 +72,8 @@ def build_mesh(
             max_jump_px=max_jump_px,
             infinity_px=infinity_px,
         )
+    if not (known[usable] % 1).any():
+        min_angle_deg /= 2
     flat = points.reshape(-1, 3)
     if settled is not None:
         flat = _moved(flat, faces, known.ravel(), settled.ravel(), centre, infinity_px)
