@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from typing import NoReturn
 
 from stereo_gpu.commands import (
+    batch,
     bench,
     board,
     calibrate,
@@ -39,6 +40,7 @@ COMMANDS = (
     rectify,
     match,
     reconstruct,
+    batch,
     render,
     devices,
     doctor,
