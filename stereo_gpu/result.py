@@ -94,7 +94,7 @@ class Reconstruction:
         Args:
             folder: is made if missing.
             texture_format: png, jpeg or webp: how model.glb holds its texture.
-            quality: of JPEG and WebP, 1 to 100; None for 92 and 90.
+            quality: of JPEG and WebP, 1 to 100; None for 95.
             files: "all", or "model" for model.glb and result.json alone.
             also: entries for result.json besides.
 
