@@ -43,10 +43,12 @@ class Orbit:
 
     def see(self, points: Doubles) -> tuple[Doubles, Doubles]:
         """Positions in the picture, (N, 2) px, and depths, (N,); a depth of 0 is too near or behind."""
-        turned = self.turn(points)
-        depth = np.where(turned[:, 2] > _NEAREST * self.pivot[2], turned[:, 2], np.inf)
-        screen = self.focal * turned[:, :2] / depth[:, None] + self.centre
-        return screen, np.where(np.isfinite(depth), depth, 0.0)
+        # Column by column: numpy walks rows of three at a fraction of the pace.
+        x, y, z = self.rotation @ np.ascontiguousarray(points.T) + (self.pivot - self.rotation @ self.pivot)[:, None]
+        near = z > _NEAREST * self.pivot[2]
+        scale = self.focal / np.where(near, z, np.inf)
+        screen = np.stack([x * scale + self.centre[0], y * scale + self.centre[1]]).T
+        return screen, np.where(near, z, 0.0)
 
 
 def orbit(points: Doubles, size: tuple[int, int], *, yaw: float = 0.0, pitch: float = 0.0) -> Orbit:

@@ -46,11 +46,13 @@ def render_points(
     if points.shape != colours.shape:
         raise InputError(f"points {points.shape} and colours {colours.shape} differ: give one colour a point")
     places, paints = points.reshape(-1, 3), colours.reshape(-1, 3)
-    good = np.flatnonzero(np.isfinite(places).all(axis=1) & (places[:, 2] > 0))
+    # Column by column, here and below: numpy walks rows of three at a fraction of the pace.
+    x, y, z = (np.ascontiguousarray(part) for part in places.T)
+    good = np.flatnonzero(np.isfinite(x) & np.isfinite(y) & np.isfinite(z) & (z > 0))
     if not len(good):
         raise StageError(f"none of {len(places)} points is finite and in front of the camera")
     good = good[:: -(-len(good) // _MOST)]
-    seen = places[good].astype(np.float64)
+    seen = np.stack([x[good], y[good], z[good]]).astype(np.float64).T
     inner = (size[0] * supersample, size[1] * supersample)
     camera = orbit(seen[:: max(1, len(seen) // _FRAMED)], inner, yaw=yaw, pitch=pitch)
     screen, depth = camera.see(seen)
@@ -59,13 +61,16 @@ def render_points(
     dot = int(np.clip(np.ceil(apart), supersample, 4 * supersample))
     # A border of one square, so that points just outside of the picture reach into it.
     wide, high = inner[0] + 2 * dot, inner[1] + 2 * dot
-    inside = (depth > 0) & (np.abs(screen - np.array(inner) / 2) < np.array([wide, high]) / 2 - 1).all(axis=1)
-    order = np.flatnonzero(inside)
-    order = order[np.argsort(-depth[order].astype(np.float32), kind="stable")]
-    column, row = np.floor(screen[order] - (dot - 1) / 2 + 0.5).astype(np.int64).T + dot
+    # The first sample of the square around a point, counted from the border's edge.
+    column, row = np.floor(screen[:, 0] + (1 + dot / 2)), np.floor(screen[:, 1] + (1 + dot / 2))
+    order = np.flatnonzero((depth > 0) & (column >= 0) & (column < wide) & (row >= 0) & (row < high))
+    # In 65,536 steps, which are sorted in a tenth of the time of floating point.
+    nearness = np.round(65_535 * (depth[order].max() - depth[order]) / max(np.ptp(depth[order]), 1e-30))
+    order = order[np.argsort(nearness.astype(np.uint16), kind="stable")]
     rank = np.zeros((high, wide), np.float32)
     # Of places that are named twice numpy keeps the last, which is the nearest point.
-    rank[np.maximum(row, 0), np.maximum(column, 0)] = np.arange(1, len(order) + 1, dtype=np.float32)
+    places_in_it = row[order].astype(np.int64) * wide + column[order].astype(np.int64)
+    rank.reshape(-1)[places_in_it] = np.arange(1, len(order) + 1, dtype=np.float32)
     covered = cv2.dilate(rank, np.ones((dot, dot), np.uint8), anchor=(dot - 1, dot - 1))
     shown = np.asarray(covered)[dot : dot + inner[1], dot : dot + inner[0]].astype(np.int64)
     palette = np.concatenate([np.array([background], np.uint8), paints[good[order]]])
