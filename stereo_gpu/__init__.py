@@ -28,6 +28,7 @@ if TYPE_CHECKING:  # what `_MODULES` says, for type checkers and editors; a test
     from stereo_gpu.capture import capture as capture
     from stereo_gpu.check import PairCheck as PairCheck
     from stereo_gpu.check import check_rectified as check_rectified
+    from stereo_gpu.close_holes import close_holes as close_holes
     from stereo_gpu.config import MeshOptions as MeshOptions
     from stereo_gpu.deviations import Deviations as Deviations
     from stereo_gpu.epipolar.eight_point import eight_point as eight_point
@@ -95,6 +96,7 @@ _MODULES = {
     "capture": "stereo_gpu.capture",
     "check_rectified": "stereo_gpu.check",
     "check_rig": "stereo_gpu.rig_check",
+    "close_holes": "stereo_gpu.close_holes",
     "devices": "stereo_gpu.backends",
     "eight_point": "stereo_gpu.epipolar.eight_point",
     "estimate_pose": "stereo_gpu.epipolar.pose",

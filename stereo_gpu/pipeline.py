@@ -14,6 +14,7 @@ import numpy as np
 
 from stereo_gpu.advice import find_warnings
 from stereo_gpu.backends import Backend, open_backend
+from stereo_gpu.close_holes import close_holes
 from stereo_gpu.config import Checking, MeshOptions
 from stereo_gpu.disparity_range import find_range
 from stereo_gpu.errors import InputError
@@ -44,10 +45,11 @@ STAGES = (
     "mask",
     "range",
     "match",
+    "close",
     "triangulate",
     "mesh",
-    "decimate",
     "smooth",
+    "decimate",
     "unwrap",
     "texture",
 )
@@ -264,6 +266,8 @@ def _from_rectified(
     if checked is None:
         with watch.step("check"):
             checked = _check_map(pair, disparity, raw_left, raw_right, setup)
+    with watch.step("close"):
+        disparity = close_holes(disparity, largest=job.mesh.largest_hole, max_jump_px=job.mesh.max_jump_px)
     with watch.step("triangulate"):
         points: Floats = device.download(triangulate_on(device, device.upload(disparity.values), job.view, pair))
         if setup.distance is not None:
