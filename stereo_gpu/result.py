@@ -6,6 +6,7 @@ import importlib.metadata
 import json
 import math
 import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -115,7 +116,21 @@ class Reconstruction:
         return [Path(folder) / name for name in names]
 
     def _write_rest(self, new: Path) -> None:
-        """Everything but the model and result.json."""
+        """Everything but the model and result.json: the report by this thread, the models meanwhile by another."""
+        with ThreadPoolExecutor(1) as other:
+            models = other.submit(self._write_models, new)
+            write_report(
+                new / "report.html",
+                title=f"{self.inputs['left']['name']} and {self.inputs['right']['name']}",
+                figures=self.figures(),
+                facts=self._facts(),
+                seconds=self.seconds,
+                warnings=self.warnings,
+                mesh=self.mesh,
+            )
+        models.result()
+
+    def _write_models(self, new: Path) -> None:
         png = pack_texture(self.mesh.texture)
         export.write_obj(new / "model.obj", self.mesh, png=png)
         export.write_ply_mesh(new / "model.ply", self.mesh, png=png)
@@ -123,15 +138,6 @@ class Reconstruction:
         export.write_vtp(new / "surface.vtp", self.mesh)
         export.write_pfm(new / "disparity.pfm", self.disparity.values)
         write_png(new / "disparity.png", figures.colour_disparity(self.disparity.values, bar=True))
-        write_report(
-            new / "report.html",
-            title=f"{self.inputs['left']['name']} and {self.inputs['right']['name']}",
-            figures=self.figures(),
-            facts=self._facts(),
-            seconds=self.seconds,
-            warnings=self.warnings,
-            mesh=self.mesh,
-        )
 
     def write_glb(
         self, path: str | os.PathLike[str], *, texture_format: str = "png", quality: int | None = None
@@ -233,7 +239,7 @@ class Reconstruction:
             ),
             Figure(
                 name="Mesh",
-                caption=f"{len(self.surface.faces):,} triangles, one for every half pixel.",
+                caption=f"{len(self.surface.faces):,} triangles, as it comes from the disparity map.",
                 picture=render(self.surface, shading=Shading.PLAIN, yaw=YAW, pitch=PITCH, device=device),
             ),
             Figure(
