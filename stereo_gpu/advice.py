@@ -29,7 +29,7 @@ def find_warnings(
         found.append(f"Only {covered:.0%} of the wanted pixels have a disparity: too little texture, or a wrong range.")
     found += range_warnings(disparity, infinity_px)
     if unwrapped is not None and unwrapped.reason:
-        found.append(f"The texture uses the view's own coordinates instead of charts: {unwrapped.reason}.")
+        found.append(f"The texture uses {unwrapped.reason}.")
     return found
 
 

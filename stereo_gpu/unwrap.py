@@ -2,32 +2,32 @@
 
 from __future__ import annotations
 
-import io
 import logging
 import math
-import subprocess
-import sys
-from dataclasses import dataclass
-from pathlib import Path
+import time
+from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from stereo_gpu.errors import InputError, StageError
 from stereo_gpu.types import Doubles, Floats, Ints, Surface
+from stereo_gpu.unwrap_charts import find_charts, signed_areas
+from stereo_gpu.unwrap_pack import CELL, find_cells, pack
+from stereo_gpu.unwrap_parts import parts
+from stereo_gpu.unwrap_pool import LateError, NoAnswerError, shared_pool
 
 _Indices = NDArray[np.integer]
 
 log = logging.getLogger(__name__)
 
-_WORKER = Path(__file__).with_name("unwrap_worker.py")
-# xatlas' time grows faster than the size of a connected piece: 50,000 faces take a minute whole, 2 s in tiles.
-_FACES_PER_TILE = 1500
-# Depth counts this much against the directions across. The texture is sampled from the view, so the atlas should
-# keep the view's measure; at 1, the noise of depth breaks Motorcycle into 1,457 charts instead of 512.
-_RELIEF = 0.1
-# Charts, their padding and the gaps between them need about this many times the charts' own area.
-_PACKING = 2.5
+# Charts, their gutters and the gaps between them need about this many times the charts' own area.
+_PACKING = 1.6
+# How much of the time limit the tiles may take; the rest is for packing.
+_TILES_SHARE = 0.75
+_TRIES = 8
+_VIEWS_OWN = "the view's own coordinates"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,9 +39,10 @@ class Unwrapped:
         faces: (M, 3) int32 into `vertices`, in the order of the surface's faces.
         uv: (N', 2) float32 in 0..1, origin at the top left corner of the atlas.
         vertex_map: (N',) int32, the surface's vertex that each one is.
-        size: (width, height) of the atlas, texels; one is about a pixel of the view.
+        size: (width, height) of the atlas, texels; one is a pixel of the view.
         method: what was used: "xatlas" or "view".
-        reason: why "view" was taken where charts were asked for; None if all went as asked.
+        reason: what was taken in place of that which was asked for, and why; None if all went as asked.
+        charts: how many there are.
     """
 
     vertices: Floats
@@ -51,6 +52,7 @@ class Unwrapped:
     size: tuple[int, int]
     method: str
     reason: str | None = None
+    charts: int = 1
 
 
 def unwrap(
@@ -65,9 +67,11 @@ def unwrap(
 ) -> Unwrapped:
     """Lay the mesh out on a texture atlas.
 
-    "charts" runs xatlas in a process of its own, which is stopped at the time limit. The mesh is cut into tiles of
-    about 1,500 faces on the view, and every tile's charts go into one atlas. Whatever goes wrong there, the
-    view's own coordinates take its place: one-to-one wherever that camera sees the surface.
+    With "charts" xatlas decides where to cut, tile by tile in child processes, and packs the charts. Inside of a chart
+    the coordinates are the view's own, shifted by whole texels: a chart then has as many texels as the view has pixels
+    there, and baking copies the picture. With "view" the parts of the mesh that lie apart on the view are packed like
+    that, or the view is taken as it is where that is smaller. Whatever goes wrong, the view's coordinates serve in its
+    place, for the tile or for all: they are one-to-one wherever that camera sees the surface.
 
     Args:
         surface: the mesh.
@@ -75,7 +79,7 @@ def unwrap(
         method: "charts" or "view".
         time_limit_s: for all of xatlas' work.
         texels_per_pixel: resolution of the atlas against the view.
-        padding: texels between charts, and around the view's picture.
+        padding: texels between charts at least, and at the atlas' edge.
         max_size: largest side of the atlas, texels; a larger one is made coarser.
 
     Raises:
@@ -84,10 +88,16 @@ def unwrap(
     """
     if method not in ("charts", "view"):
         raise InputError(f"unknown unwrap method {method!r}: pass 'charts' or 'view'")
-    if not (time_limit_s > 0 and texels_per_pixel > 0 and padding >= 0 and max_size >= 16):
+    if not (
+        0 < time_limit_s < math.inf
+        and 0 < texels_per_pixel < math.inf
+        and padding >= 0
+        and max_size >= 16 + 2 * padding
+    ):
         raise InputError(
             f"time_limit_s {time_limit_s}, texels_per_pixel {texels_per_pixel}, padding {padding}, max_size {max_size}"
-            " are not all usable: pass numbers above 0, padding 0 or more, max_size 16 or more"
+            " are not all usable: pass numbers above 0, padding 0 or more, max_size 16 and twice the padding"
+            " or more"
         )
     if view_uv.shape != (len(surface.vertices), 2) or not np.isfinite(view_uv).all():
         raise InputError(
@@ -95,145 +105,130 @@ def unwrap(
         )
     if not len(surface.faces):
         raise StageError("cannot unwrap a mesh without faces; build the mesh again")
+    deadline = time.monotonic() + time_limit_s
     seen = view_uv.astype(np.float64)
-    if method == "view":
-        return _view(surface, seen, texels_per_pixel, padding, max_size, None)
+    whole = _whole_view(surface, seen, texels_per_pixel, padding, max_size)
     try:
-        return _charts(surface, seen, time_limit_s, texels_per_pixel, padding, max_size)
-    except _NoChartsError as error:
-        log.warning("texture coordinates are the view's own: %s", error)
-        return _view(surface, seen, texels_per_pixel, padding, max_size, str(error))
+        if method == "view":
+            return _packed_view(surface, seen, whole, texels_per_pixel, padding, max_size, deadline)
+        return _charts(surface, seen, texels_per_pixel, padding, max_size, time_limit_s, deadline)
+    except NoAnswerError as error:
+        why = f"xatlas did not finish in {time_limit_s:g} s" if isinstance(error, LateError) else str(error)
+        given = "as they are, not packed" if method == "view" else "instead of charts"
+        return _told(replace(whole, reason=f"{_VIEWS_OWN} {given}: {why}"))
 
 
-class _NoChartsError(Exception):
-    """xatlas gave nothing that can be used; the message says why."""
+def _told(unwrapped: Unwrapped) -> Unwrapped:
+    if unwrapped.reason:
+        log.warning("the texture uses %s", unwrapped.reason)
+    return unwrapped
 
 
-def _view(
-    surface: Surface, seen: Doubles, density: float, padding: int, max_size: int, reason: str | None
-) -> Unwrapped:
-    low, extent = seen.min(axis=0), np.ptp(seen, axis=0)
-    density = min(density, (max_size - 2 * padding - 1) / float(max(extent.max(), 1.0)))
-    size = np.ceil(extent * density).astype(int) + 2 * padding + 1
+def _whole_view(surface: Surface, seen: Doubles, density: float, padding: int, max_size: int) -> Unwrapped:
+    """The view as it is, around the mesh."""
+    density = min(density, _fitting(seen, padding, max_size))
+    low, extent = seen.min(axis=0) * density, np.ptp(seen, axis=0) * density
     # A pixel's centre is a whole number, a texel's is a half: the 0.5 lets them meet where the density is 1.
-    low = np.floor(low) if density == 1 and (np.floor(low) + size - 2 * padding > low + extent).all() else low
-    uv = ((seen - low) * density + padding + 0.5) / size
+    low = np.floor(low) if (np.floor(low) + max_size - 2 * padding - 1 >= low + extent).all() else low
+    size = np.ceil(seen.max(axis=0) * density - low).astype(int) + 2 * padding + 1
     return Unwrapped(
         vertices=surface.vertices,
         faces=surface.faces,
-        uv=uv.astype(np.float32),
+        uv=((seen * density - low + padding + 0.5) / size).astype(np.float32),
         vertex_map=np.arange(len(seen), dtype=np.int32),
         size=(int(size[0]), int(size[1])),
         method="view",
-        reason=reason,
     )
+
+
+def _fitting(seen: Doubles, padding: int, max_size: int) -> float:
+    """The density at which the whole view fits into the atlas."""
+    return (max_size - 2 * padding - 1) / float(max(np.ptp(seen, axis=0).max(), 1.0))
+
+
+def _packed_view(
+    surface: Surface, seen: Doubles, whole: Unwrapped, density: float, padding: int, max_size: int, deadline: float
+) -> Unwrapped:
+    """The parts of the view that lie apart, packed; or the whole view where that is smaller."""
+    density = min(density, _fitting(seen, padding, max_size))
+    texels = seen * density
+    cells = find_cells(texels, surface.faces, np.zeros(len(surface.faces), np.intp))
+    # What touches on the view keeps its place: it needs no gutter, since the picture goes on beside it.
+    mask = np.zeros(cells.extent[0, ::-1], np.uint8)
+    _, column, row = cells.places()
+    mask[row, column] = 1
+    count, label = cv2.connectedComponents(mask, connectivity=8)
+    if count == 2:  # one of them is the background
+        return whole
+    column, row = ((texels[surface.faces[:, 0]] - cells.corner[0]) // CELL).astype(np.intp).T
+    chart = label[row, column] - 1
+    packed = pack(shared_pool(), texels, surface.faces, chart, padding, deadline - time.monotonic())
+    if max(packed.size) > max_size or math.prod(packed.size) >= math.prod(whole.size):
+        return whole
+    of_vertex = np.zeros(len(seen), np.intp)
+    of_vertex[surface.faces] = chart[:, None]
+    uv = np.clip((texels + packed.offset[of_vertex] + 0.5) / packed.size, 0, 1)  # for vertices that no face uses
+    return replace(whole, uv=uv.astype(np.float32), size=packed.size, charts=len(packed.offset))
 
 
 def _charts(
-    surface: Surface, seen: Doubles, time_limit_s: float, density: float, padding: int, max_size: int
+    surface: Surface,
+    seen: Doubles,
+    density: float,
+    padding: int,
+    max_size: int,
+    time_limit_s: float,
+    deadline: float,
 ) -> Unwrapped:
     # xatlas hangs on coordinates that are not finite, or so large that its grids overflow.
     if not np.isfinite(surface.vertices).all():
-        raise _NoChartsError("the mesh has vertices that are not finite")
-    covered = float(_areas(seen, surface.faces).sum())
+        raise NoAnswerError("the mesh has vertices that are not finite")
+    pool = shared_pool()
+    chart, lost = find_charts(pool, surface, seen, _TILES_SHARE * time_limit_s)
+    vertex_map, faces, chart = _cut(surface.faces, chart, len(seen))
+    pixels = seen[vertex_map]
+    covered = float(np.abs(signed_areas(seen, surface.faces)).sum())
     density = min(density, max_size / math.sqrt(_PACKING * max(covered, 1.0)))
-    tiles = _tiles(seen[surface.faces].mean(axis=1))
-    maps, faces, positions = [], [], []
-    for tile in tiles:
-        used, local = np.unique(surface.faces[tile], return_inverse=True)
-        maps.append(used)
-        faces.append(local.reshape(-1, 3).astype(np.uint32))
-        positions.append(_flattened(surface.vertices[used], seen[used], faces[-1]) * density)
-    answer = _run_worker(
-        {
-            "positions": np.concatenate(positions).astype(np.float32),
-            "faces": np.concatenate(faces),
-            "vertex_counts": np.array([len(part) for part in maps]),
-            "face_counts": np.array([len(part) for part in faces]),
-            "padding": np.array(padding),
-        },
-        time_limit_s,
-    )
-    order = np.concatenate(tiles)
-    vertex_map = np.concatenate(maps)[answer["vertex_map"]].astype(np.int32)
-    result = np.empty_like(surface.faces)
-    result[order] = answer["faces"]
-    _check_answer(answer, vertex_map, result, surface, max_size)
-    return Unwrapped(
-        vertices=surface.vertices[vertex_map],
-        faces=result,
-        uv=answer["uv"].astype(np.float32),
-        vertex_map=vertex_map,
-        size=(int(answer["size"][0]), int(answer["size"][1])),
-        method="xatlas",
+    density = min(density, _largest_fitting(pixels[faces], chart, padding, max_size))
+    for _ in range(_TRIES):
+        texels = pixels * density
+        packed = pack(pool, texels, faces, chart, padding, deadline - time.monotonic())
+        if max(packed.size) <= max_size:
+            break
+        density *= 0.97 * max_size / max(packed.size)
+    else:
+        raise NoAnswerError(f"{len(packed.offset)} charts and their gutters do not fit into {max_size} texels")
+    of_vertex = np.empty(len(pixels), np.intp)
+    of_vertex[faces] = chart[:, None]
+    size, count = packed.size, len(packed.offset)
+    log.debug("%d charts in %d x %d texels, %.0f %% in use", count, *size, 100 * covered * density**2 / math.prod(size))
+    return _told(
+        Unwrapped(
+            vertices=surface.vertices[vertex_map],
+            faces=faces,
+            uv=((texels + packed.offset[of_vertex] + 0.5) / size).astype(np.float32),
+            vertex_map=vertex_map,
+            size=size,
+            method="xatlas",
+            reason=f"{_VIEWS_OWN} instead of charts {lost}" if lost else None,
+            charts=count,
+        )
     )
 
 
-def _areas(corners: Doubles | Floats, faces: _Indices) -> Doubles:
-    """(M,): areas of triangles in the plane or in space."""
-    a, b, c = (corners[faces[:, i]].astype(np.float64) for i in range(3))
-    p, q = b - a, c - a
-    squared = (p * p).sum(axis=1) * (q * q).sum(axis=1) - (p * q).sum(axis=1) ** 2
-    return np.asarray(0.5 * np.sqrt(np.maximum(squared, 0)))
+def _cut(faces: Ints, chart: _Indices, count: int) -> tuple[Ints, Ints, _Indices]:
+    """Double the vertices on seams: (N',) the vertex that each one is, (M, 3) faces, (M,) charts from 0, connected."""
+    key = chart[:, None] * count + faces
+    keys, cut = np.unique(key, return_inverse=True)
+    cut = cut.reshape(-1, 3).astype(np.int32)
+    return (keys % count).astype(np.int32), cut, parts(cut, len(keys))
 
 
-def _tiles(centres: Doubles) -> list[_Indices]:
-    """Cut faces at the median of the longer side until no part has more than _FACES_PER_TILE."""
-    parts: list[_Indices] = [np.arange(len(centres))]
-    tiles: list[_Indices] = []
-    while parts:
-        part = parts.pop()
-        if len(part) <= _FACES_PER_TILE:
-            tiles.append(part)
-            continue
-        axis = int(np.ptp(centres[part], axis=0).argmax())
-        half = len(part) // 2
-        part = part[np.argpartition(centres[part, axis], half)]
-        parts += [part[half:], part[:half]]
-    return tiles
-
-
-def _flattened(vertices: Floats, seen: Doubles, faces: _Indices) -> Doubles:
-    """(n, 3): a tile in pixels around its middle, with its depth pressed flat."""
-    depth = vertices[:, 2].astype(np.float64)
-    space = float(_areas(vertices, faces).sum())
-    pixels_per_unit = math.sqrt(float(_areas(seen, faces).sum()) / space) if space > 0 else 0.0
-    tile = np.column_stack([seen, depth * (_RELIEF * pixels_per_unit)])
-    return np.asarray(tile - tile.mean(axis=0))
-
-
-def _run_worker(tiles: dict[str, np.ndarray], time_limit_s: float) -> dict[str, np.ndarray]:
-    question = io.BytesIO()
-    np.savez(question, **tiles)  # type: ignore[arg-type]  # its first option is a bool, the rest are arrays
-    # As a script, not with -m, which would import the whole package first; -P keeps our types.py from passing for
-    # Python's. A process of its own, not multiprocessing, since that runs the caller's main module again.
-    command = [sys.executable, "-P", str(_WORKER)]
-    try:
-        done = subprocess.run(command, input=question.getvalue(), capture_output=True, timeout=time_limit_s)
-    except subprocess.TimeoutExpired:
-        raise _NoChartsError(f"xatlas did not finish in {time_limit_s:g} s") from None
-    except OSError as error:
-        raise _NoChartsError(f"the process for xatlas cannot be started: {error.strerror or error}") from None
-    if done.returncode:
-        said = done.stderr.decode(errors="replace").strip().splitlines()
-        raise _NoChartsError(f"xatlas ended with status {done.returncode}: {said[-1] if said else 'it said nothing'}")
-    try:
-        with np.load(io.BytesIO(done.stdout)) as answer:
-            return dict(answer)
-    except (OSError, ValueError, EOFError) as error:
-        raise _NoChartsError(f"the answer of xatlas cannot be read: {error}") from None
-
-
-def _check_answer(
-    answer: dict[str, np.ndarray], vertex_map: Ints, faces: Ints, surface: Surface, max_size: int
-) -> None:
-    uv, size = answer["uv"], answer["size"]
-    if int(answer["atlases"]) != 1 or size.min() < 1:
-        raise _NoChartsError(f"xatlas made {int(answer['atlases'])} atlases of {size[0]} x {size[1]} texels")
-    if size.max() > max_size:
-        raise _NoChartsError(f"the atlas of {size[0]} x {size[1]} texels is larger than {max_size}")
-    if not (np.isfinite(uv).all() and uv.min() >= 0 and uv.max() <= 1):
-        raise _NoChartsError("xatlas gave coordinates outside its atlas")
-    if not np.array_equal(vertex_map[faces], surface.faces):
-        raise _NoChartsError("xatlas changed the mesh")
-    log.debug("%d charts in %d x %d texels", int(answer["charts"]), size[0], size[1])
+def _largest_fitting(corners: Doubles, chart: _Indices, padding: int, max_size: int) -> float:
+    """The density at which the largest chart fits into the atlas."""
+    order = np.argsort(chart, kind="stable")
+    first = np.append(0, np.flatnonzero(np.diff(chart[order])) + 1)
+    low = np.minimum.reduceat(corners.min(axis=1)[order], first)
+    high = np.maximum.reduceat(corners.max(axis=1)[order], first)
+    room = max_size - 2 * (padding + 2 * CELL)
+    return max(room, 1) / float(max((high - low).max(), 1.0))

@@ -1,0 +1,182 @@
+"""Place charts in one atlas, shifted by whole texels: xatlas packs the cells of four texels that they touch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stereo_gpu.types import Doubles, Ints
+from stereo_gpu.unwrap_pool import NoAnswerError, Question, WorkerPool
+
+_Indices = NDArray[np.integer]
+
+# Side of a cell, texels: as coarse as the gutter, so that little is lost, and a sixteenth of the work. A texel of the
+# second mip level is a cell, and belongs to one chart.
+CELL = 4
+
+
+@dataclass(frozen=True)
+class Packed:
+    """Where charts lie in the atlas.
+
+    Args:
+        offset: (C, 2) whole texels to add to a chart's texel coordinates.
+        size: (width, height) of the atlas, texels.
+        cells: how many cells of CELL x CELL texels the charts touch.
+    """
+
+    offset: NDArray[np.int64]
+    size: tuple[int, int]
+    cells: int
+
+
+@dataclass(frozen=True)
+class Cells:
+    """The cells that charts touch, each chart in a rectangle of its own whose corner is a whole texel.
+
+    Args:
+        corner: (C, 2) int64, the texel at which a chart's first cell begins.
+        extent: (C, 2) int64, columns and rows of cells.
+        base: (C + 1,) int64, where each chart's rectangle begins among all of them, row after row, with an empty column
+            and row at its end.
+        touched: (K,) int64, the touched cells in this order.
+    """
+
+    corner: NDArray[np.int64]
+    extent: NDArray[np.int64]
+    base: NDArray[np.int64]
+    touched: NDArray[np.int64]
+
+    def places(self) -> tuple[_Indices, _Indices, _Indices]:
+        """(K,) each: the chart, column and row of the touched cells."""
+        chart = np.searchsorted(self.base, self.touched, side="right") - 1
+        row, column = np.divmod(self.touched - self.base[chart], self.extent[chart, 0] + 1)
+        return chart, column, row
+
+
+def find_cells(texels: Doubles, faces: Ints, chart: _Indices, grow: int = 0) -> Cells:
+    """Find the cells that charts touch.
+
+    Args:
+        texels: (N, 2) of the vertices, each in one chart alone; the centre of a texel is a whole number.
+        faces: (M, 3).
+        chart: (M,) the chart of each face, every number from 0 up in use.
+        grow: cells to add to the right and below.
+    """
+    corners = texels[faces]
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    order = np.argsort(chart, kind="stable")
+    first = np.append(0, np.flatnonzero(np.diff(chart[order])) + 1)
+    corner = np.floor(np.minimum.reduceat(low[order], first)).astype(np.int64)
+    corners = (corners - corner[chart][:, None]) / CELL
+    c0 = np.floor((low - corner[chart]) / CELL).astype(np.int64)
+    c1 = np.floor((high - corner[chart]) / CELL).astype(np.int64) + grow
+    extent = np.maximum.reduceat(c1[order], first) + 1
+    stride = extent[:, 0] + 1
+    base = np.append(0, np.cumsum(stride * (extent[:, 1] + 1)))
+    wide = c1 - c0 + 1
+    count = wide.prod(axis=1)
+    face = np.repeat(np.arange(len(faces)), count)
+    number = np.arange(len(face)) - np.repeat(np.cumsum(count) - count, count)
+    row, column = np.divmod(number, wide[face, 0])
+    row, column = row + c0[face, 1], column + c0[face, 0]
+    # Of a triangle that spans no more than two cells either way, the cells of its rectangle will do.
+    doubtful = np.flatnonzero((wide.min(axis=1) > 2 + grow)[face])
+    outside = _beside(corners[face[doubtful]], column[doubtful], row[doubtful], grow)
+    keep = np.ones(len(face), bool)
+    keep[doubtful[outside]] = False
+    mask = np.zeros(base[-1], bool)
+    mask[(base[chart[face]] + row * stride[chart[face]] + column)[keep]] = True
+    return Cells(corner=corner, extent=extent, base=base, touched=np.flatnonzero(mask))
+
+
+def _beside(corners: Doubles, column: _Indices, row: _Indices, grow: int) -> NDArray[np.bool_]:
+    """(K,): cells that lie wholly on the far side of one of their triangle's sides, all in cells."""
+    p, q = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    turn = np.sign(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0])
+    beside = np.zeros(len(column), bool)
+    for i in range(3):
+        start, side = corners[:, i], corners[:, (i + 1) % 3] - corners[:, i]
+        # Of the cell's corners the one that is farthest inside.
+        x = np.where(-side[:, 1] * turn > 0, column + 1, column - grow) - start[:, 0]
+        y = np.where(side[:, 0] * turn > 0, row + 1, row - grow) - start[:, 1]
+        beside |= (side[:, 0] * y - side[:, 1] * x) * turn < 0
+    return beside
+
+
+def pack(pool: WorkerPool, texels: Doubles, faces: Ints, chart: _Indices, padding: int, time_limit_s: float) -> Packed:
+    """Place charts in one atlas.
+
+    xatlas moves the first texel's centre of every chart to half a cell, so that a chart touches one cell more to the
+    right and below: that is the gutter, and no chart can have another in any of the eight cells around its own.
+
+    Args:
+        pool: asked for xatlas.
+        texels, faces, chart: see `find_cells`; the faces of a chart hang together by vertices.
+        padding: texels between charts, and at the atlas' edge.
+        time_limit_s: for xatlas.
+
+    Raises:
+        NoAnswerError: xatlas did not pack them.
+    """
+    gutter = max(-(-padding // CELL), 1)
+    cells = find_cells(texels, faces, chart, gutter - 1)
+    corners, rectangles, first = _rectangles(cells)
+    arrays = {"corners": corners.astype(np.float32), "faces": rectangles.astype(np.uint32), "first": first}
+    (answer,) = pool.ask([Question("pack", arrays)], time_limit_s=time_limit_s)
+    if isinstance(answer, NoAnswerError):
+        raise answer
+    # `first` is the left end of the top row.
+    moved = np.rint(answer["place"] - 0.5 - corners[first]).astype(np.int64)
+    columns, rows = (int(side) for side in answer["size"])
+    of, column, row = cells.places()
+    x, y = column + _canvas(cells)[of] + moved[of, 0], row + moved[of, 1]
+    inside = (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
+    if not inside.all() or np.bincount(y * columns + x).max() > 1:
+        raise NoAnswerError("xatlas put charts on top of each other")
+    margin = CELL * gutter if padding else 0
+    shift = np.column_stack([moved[:, 0] + _canvas(cells), moved[:, 1]])
+    return Packed(
+        offset=shift * CELL + margin - cells.corner,
+        size=(columns * CELL + margin, rows * CELL + margin),
+        cells=len(of),
+    )
+
+
+def _canvas(cells: Cells) -> NDArray[np.int64]:
+    """(C,): the column at which each chart begins where all lie side by side."""
+    width = cells.extent[:, 0] + 2
+    return np.asarray(np.cumsum(width) - width)
+
+
+def _rectangles(cells: Cells) -> tuple[_Indices, _Indices, _Indices]:
+    """The charts as xatlas takes them: corners (4 R, 2), faces (F, 3), and (C,) a corner in the first row of each.
+
+    Each run of cells along a row is a rectangle. To xatlas a chart is what hangs together by corners, so wherever a
+    run lies above another a triangle inside of one of them ties both together.
+    """
+    touched = cells.touched
+    gap = np.flatnonzero(np.diff(touched) != 1)
+    start, end = touched[np.append(0, gap + 1)], touched[np.append(gap, len(touched) - 1)] + 1
+    chart = np.searchsorted(cells.base, start, side="right") - 1
+    stride = cells.extent[chart, 0] + 1
+    row, left = np.divmod(start - cells.base[chart], stride)
+    left += _canvas(cells)[chart]
+    right = left + end - start
+    corners = np.stack([left, row, right, row, right, row + 1, left, row + 1], axis=1).reshape(-1, 2)
+    # All runs of the next row that lie under a run follow each other; the last row has an empty one below.
+    under = np.searchsorted(end, start + stride, side="right")
+    count = np.searchsorted(start, end + stride, side="left") - under
+    upper = np.repeat(np.arange(len(start)), count)
+    lower = np.repeat(under - (np.cumsum(count) - count), count) + np.arange(len(upper))
+    ties = np.where(
+        (left[lower] >= left[upper])[:, None],
+        np.stack([4 * upper, 4 * upper + 1, 4 * lower], axis=1),
+        np.stack([4 * lower + 3, 4 * lower + 2, 4 * upper + 3], axis=1),
+    )
+    own = 4 * np.arange(len(start))[:, None]
+    faces = np.concatenate([own + np.array([0, 1, 2]), own + np.array([0, 2, 3]), ties])
+    first = 4 * np.searchsorted(chart, np.arange(len(cells.corner)))
+    return corners, faces, first
