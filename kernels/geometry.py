@@ -303,6 +303,8 @@ _ON_CPU: dict[str, dict[str, Callable[[Call], Geometry]]] = {
         "plane_fit": _bands,
         "planes": _plane_bands,
         "rasterise": _sample_bands,
+        "pull": _bands,
+        "push": _bands,
         "rectify": _bands,
         "residual": _bands,
         "shade": _bands,

@@ -339,6 +339,24 @@ def test_residual(forms, size, source):
     )
 
 
+@pytest.mark.parametrize("gaps", [0.0, 0.3, 1.0])
+@pytest.mark.parametrize("size", SIZES)
+def test_pull_and_push(forms, size, gaps):
+    width, height = -(-size[0] // 2), -(-size[1] // 2)
+    fine, scalars = light(size, gaps), {"width": width, "height": height}
+    coarse = assert_same(
+        forms,
+        "pull",
+        {"coarse_out": junk((height, width, 4), np.uint16)},
+        fine=fine,
+        fine_width=size[0],
+        fine_height=size[1],
+        **scalars,
+    )["coarse_out"]
+    scalars = {"coarse_width": width, "width": size[0], "height": size[1]}
+    assert_same(forms, "push", {"fine_out": fine}, coarse=coarse, **scalars)
+
+
 @pytest.mark.parametrize("direction", [1, -1])
 @pytest.mark.parametrize(("smallest", "disparities"), [(0, 1), (3, 8), (-20, 37), (0, 33), (2, 200), (400, 16)])
 @pytest.mark.parametrize("size", SIZES)
