@@ -240,7 +240,7 @@ class Reconstruction:
             Figure(
                 name="Mesh",
                 caption=f"{len(self.surface.faces):,} triangles, as it comes from the disparity map.",
-                picture=render(self.surface, shading=Shading.PLAIN, yaw=YAW, pitch=PITCH, device=device),
+                picture=render(self.surface, shading=Shading.WIRE, yaw=YAW, pitch=PITCH, device=device),
             ),
             Figure(
                 name="Smoothed",

@@ -1,8 +1,10 @@
+import cv2
 import numpy as np
 import pytest
 
+from stereo_gpu.backends import open_backend
 from stereo_gpu.errors import InputError, StageError
-from stereo_gpu.render import BACKGROUND, render
+from stereo_gpu.render import BACKGROUND, bring_in_front, render
 from stereo_gpu.render_points import render_points
 from stereo_gpu.types import Mesh, Surface
 
@@ -143,6 +145,113 @@ def test_odd_sizes(size):
     assert render(bump(12, 9), size=size, yaw=40).shape == (size[1], size[0], 3)
 
 
+# Of a cube: outward direction, colour, and how to walk there.
+SIDES = [
+    ((0, 0, -1), (200, 40, 40), {}),
+    ((1, 0, 0), (40, 200, 40), {"yaw": 90}),
+    ((0, 0, 1), (40, 40, 200), {"yaw": 180}),
+    ((-1, 0, 0), (200, 200, 40), {"yaw": -90}),
+    ((0, -1, 0), (200, 40, 200), {"pitch": 90}),
+    ((0, 1, 0), (40, 200, 200), {"pitch": -90}),
+]
+
+
+def cube():
+    """A cube of 100 at a depth of 500, its faces counter-clockwise from outside, each of a colour."""
+    vertices, faces, uv = [], [], []
+    for number, (outward, _, _) in enumerate(SIDES):
+        out = np.array(outward, float)
+        right = np.array([0, 1, 0]) if outward[1] == 0 else np.array([0, 0, 1])
+        up = np.cross(out, right)
+        corners = [out + a * right + b * up for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+        vertices += [50 * corner + (0, 0, 500) for corner in corners]
+        faces += [[4 * number, 4 * number + 1, 4 * number + 2], [4 * number, 4 * number + 2, 4 * number + 3]]
+        uv += [[(number + 0.5) / 6, 0.5]] * 4
+    texture = np.array([[colour for _, colour, _ in SIDES]], np.uint8)
+    return Mesh(
+        vertices=np.array(vertices, np.float32),
+        faces=np.array(faces, np.int32),
+        uv=np.array(uv, np.float32),
+        texture=texture,
+    )
+
+
+@pytest.mark.parametrize(("outward", "colour", "view"), SIDES)
+def test_a_cube_shows_the_side_that_it_is_seen_from(outward, colour, view):
+    picture = render(cube(), size=(90, 90), **view)
+    shown = ~is_background(picture)
+    assert (picture[45, 45] == colour).all()
+    # The camera turns about a point of the cube's front, so that another side may show beside this one.
+    inside = cv2.erode(shown.astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    assert (picture[inside] == colour).all(axis=1).mean() > (0.85 if outward == (0, 1, 0) else 0.999)
+    assert np.ptp(np.nonzero(shown)[0]) == pytest.approx(90 / 1.08, abs=2)
+    clay = render(Surface(vertices=cube().vertices, faces=cube().faces), size=(90, 90), **view)
+    assert (is_background(clay) == ~shown).all()
+
+
+def test_a_cube_from_above_its_corner_shows_three_sides():
+    picture = render(cube(), size=(120, 120), yaw=40, pitch=30)
+    share = [(picture == colour).all(axis=2).mean() for _, colour, _ in SIDES]
+    assert min(share[0], share[1], share[4]) > 0.08
+    assert share[2] == share[3] == share[5] == 0
+
+
+def test_a_face_seen_from_behind_is_darker_and_keeps_its_texture():
+    flat = Surface(vertices=WALL, faces=FACES)
+    turned = Surface(vertices=WALL, faces=FACES[:, ::-1])
+    front, back = (render(surface, size=(40, 30))[15, 20].astype(int) for surface in (flat, turned))
+    assert (front > back + 60).all()
+    texture = np.random.default_rng(4).integers(0, 256, (12, 16, 3)).astype(np.uint8)
+    mesh = wall(texture)
+    other = Mesh(vertices=WALL, faces=FACES[:, ::-1], uv=UV, texture=texture)
+    np.testing.assert_array_equal(render(mesh, size=(40, 30)), render(other, size=(40, 30)))
+
+
+def test_charts_laid_apart_show_no_seam():
+    # A wall of one picture, cut in two charts, one of which lies on its side, each grown by 4 texels.
+    y, x = np.mgrid[:64, :64]
+    photo = np.stack([3 * x + 20, 200 - 2 * y, x + y], -1).astype(np.uint8)
+    atlas = np.zeros((80, 160, 3), np.uint8)
+    grown = np.pad(photo, ((4, 4), (4, 4), (0, 0)), mode="edge")
+    atlas[4:76, 4:44] = grown[:, :40]  # columns up to 36, of which 32 are its own
+    atlas[4:44, 60:132] = np.rot90(grown[:, 32:])  # columns from 28 on, turned to the left
+    x = np.array([-100, 0, 0, 100] * 2, np.float32)
+    vertices = np.stack([x, np.repeat([-80, 80], 4), np.full(8, 500)], -1).astype(np.float32)
+    faces = np.array([[0, 4, 1], [1, 4, 5], [2, 6, 3], [3, 6, 7]], np.int32)
+    places = [[8, 8], [40, 8], [64, 40], [64, 8], [8, 72], [40, 72], [128, 40], [128, 8]]
+    uncut = np.stack([(x + 100) / 200, np.repeat([0, 1], 4)], -1).astype(np.float32)
+    whole = Mesh(vertices=vertices, faces=faces, uv=uncut, texture=photo)
+    cut = Mesh(vertices=vertices, faces=faces, uv=(np.array(places) / (160, 80)).astype(np.float32), texture=atlas)
+    for view in ({}, {"yaw": 35.0, "pitch": 20.0}):
+        for size in ((200, 160), (50, 40)):  # magnified, and from the second level
+            one, two = (render(mesh, size=size, **view).astype(int) for mesh in (whole, cut))
+            assert np.abs(one - two).max() <= 8
+            assert np.abs(one - two).mean() < 1
+
+
+def test_every_device_draws_the_same_picture(backend):
+    mesh = wall(np.random.default_rng(6).integers(0, 256, (70, 90, 3)).astype(np.uint8))
+    here = open_backend("warp:cpu")
+    for model, shading in ((mesh, "texture"), (bump(40, 30), "plain"), (bump(12, 9), "wire")):
+        one, other = (
+            render(model, size=(83, 61), yaw=17, pitch=-9, shading=shading, device=device).astype(int)
+            for device in (backend, here)
+        )
+        difference = np.abs(one - other)
+        # To the bit between CPUs; a GPU may round a division the other way.
+        assert difference.max() <= (0 if backend.kind == "cpu" else 1)
+
+
+def test_a_model_far_from_the_origin_is_brought_in_front():
+    mesh = cube()
+    away = Mesh(vertices=mesh.vertices - (0, 0, 500), faces=mesh.faces, uv=mesh.uv, texture=mesh.texture)
+    assert bring_in_front(mesh) is mesh
+    moved = bring_in_front(away)
+    assert moved.vertices[:, 2].min() > 0
+    np.testing.assert_allclose(np.ptp(moved.vertices, axis=0), 100, rtol=1e-5)
+    assert (render(moved, size=(90, 90))[45, 45] == SIDES[0][1]).all()
+
+
 def test_errors():
     surface = bump(12, 9)
     with pytest.raises(InputError, match="needs a Mesh"):
@@ -151,6 +260,8 @@ def test_errors():
         render(surface, shading="shiny")
     with pytest.raises(InputError, match="at least 1"):
         render(surface, size=(0, 10))
+    with pytest.raises(InputError, match="16384 samples"):
+        render(surface, size=(9000, 10))
     with pytest.raises(StageError, match="none of 0 faces"):
         render(Surface(vertices=surface.vertices, faces=np.empty((0, 3), np.int32)))
     with pytest.raises(StageError, match="none of 176 faces"):
