@@ -171,7 +171,7 @@ class Reconstruction:
                 **{str(bit.name).lower(): int(((self.disparity.validity & bit) != 0).sum()) for bit in Validity},
                 "open": int(((self.mask != 0) & np.isnan(self.disparity.values)).sum()),
                 "matched_features": self.checked.matches,
-                "dense_triangles": len(self.surface.faces),
+                "undecimated_triangles": len(self.surface.faces),
                 "vertices": len(self.mesh.vertices),
                 "triangles": len(self.mesh.faces),
             },
