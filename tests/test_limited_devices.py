@@ -19,6 +19,7 @@ import test_match_cost
 import test_matching_kernels
 import test_plane_kernels
 import test_smooth_path_kernels
+import test_split_triangles
 from conftest import missing
 from test_smooth_path_kernels import PENALTIES
 
@@ -65,6 +66,7 @@ def kernel_tests():
         test_matching_kernels,
         test_plane_kernels,
         test_smooth_path_kernels,
+        test_split_triangles,
     )
     for module in modules:
         for name, test in vars(module).items():
