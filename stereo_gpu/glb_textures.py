@@ -50,10 +50,12 @@ def read_paint(file: GlbFile, material: Any) -> Paint:
     if material is None:
         return Paint(picture=None)
     surface = as_object(file.entry("materials", material).get("pbrMetallicRoughness", {}))
-    factor = np.array(surface.get("baseColorFactor", (1.0, 1.0, 1.0, 1.0)), np.float64)[:3].clip(0, 1)
+    factor = np.array(surface.get("baseColorFactor", (1.0, 1.0, 1.0, 1.0)), np.float64).clip(0, 1)
+    if factor.shape != (4,) or not np.isfinite(factor).all():
+        raise file.damaged("a colour has not four parts")
     used = surface.get("baseColorTexture")
     if used is None:
-        red, green, blue = (int(part) for part in _from_linear(factor))
+        red, green, blue = (int(part) for part in _from_linear(factor[:3]))
         return Paint(picture=None, colour=(red, green, blue) if "baseColorFactor" in surface else CLAY)
     texture = file.entry("textures", used["index"])
     webp = texture.get("extensions", {}).get("EXT_texture_webp", {})
@@ -62,9 +64,9 @@ def read_paint(file: GlbFile, material: Any) -> Paint:
     picture = decode_image(data, f"the texture in {file.name}")
     eight = picture if picture.dtype == np.uint8 else (picture >> 8).astype(np.uint8)
     colours = eight if eight.ndim == 3 else np.repeat(eight[..., None], 3, axis=2)
-    if (factor != 1).any():
+    if (factor[:3] != 1).any():
         levels = _to_linear(np.arange(256) / 255.0)
-        colours = np.stack([_from_linear(levels * part)[colours[..., c]] for c, part in enumerate(factor)], axis=2)
+        colours = np.stack([_from_linear(levels * part)[colours[..., c]] for c, part in enumerate(factor[:3])], axis=2)
     sampler = file.entry("samplers", texture["sampler"]) if "sampler" in texture else {}
     moved = used.get("extensions", {}).get("KHR_texture_transform")
     return Paint(
@@ -75,15 +77,17 @@ def read_paint(file: GlbFile, material: Any) -> Paint:
     )
 
 
-def lay_out(parts: Sequence[tuple[Paint, Floats]], name: str) -> tuple[Bytes, Floats]:
+def lay_out(parts: Sequence[tuple[Paint, Floats]], file: GlbFile) -> tuple[Bytes, Floats]:
     """One texture for all parts, and all their uv on it, one after another.
 
     A single picture that does not repeat stays as it is, and so do its uv.
 
     Raises:
-        InputError: a picture repeats too often, or all together are too large.
+        InputError: a picture repeats too often, all together are too large, or coordinates are not finite.
     """
     uvs = [_moved(paint, uv) for paint, uv in parts]
+    if not all(np.isfinite(uv).all() for uv in uvs):
+        raise file.damaged("a texture coordinate is not finite")
     if len({id(paint) for paint, _ in parts}) == 1:
         paint = parts[0][0]
         whole = np.concatenate(uvs)
@@ -97,10 +101,10 @@ def lay_out(parts: Sequence[tuple[Paint, Floats]], name: str) -> tuple[Bytes, Fl
         low, high = _tiles(paint, uv)
         key = (id(paint), *low, *high)
         if key not in tiles:
-            tiles[key] = _repeated(paint, low, high, name)
+            tiles[key] = _repeated(paint, low, high, file.name)
         keys.append(key)
         shifted.append((uv - np.array(low)) / (np.array(high) - low))
-    sheet, boxes = _pack(list(tiles.values()), name)
+    sheet, boxes = _pack(list(tiles.values()), file.name)
     where = dict(zip(tiles, boxes, strict=True))
     scale = np.array(sheet.shape[1::-1], np.float64)
     placed = [

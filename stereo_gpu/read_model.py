@@ -47,11 +47,11 @@ def read_glb(path: str | os.PathLike[str]) -> Mesh:
     try:
         with np.errstate(all="ignore"):  # damaged numbers: what is not finite is refused where it matters
             parts = list(_parts(file))
+            if not parts:
+                raise InputError(f"{path} has no triangles to show: export the surface of the model, too")
+            texture, uv = lay_out([(part.paint, part.uv) for part in parts], file)
     except DAMAGE as error:
         raise file.damaged(f"{type(error).__name__}: {error!s:.80}") from error
-    if not parts:
-        raise InputError(f"{path} has no triangles to show: export the surface of the model, too")
-    texture, uv = lay_out([(part.paint, part.uv) for part in parts], file.name)
     first = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
     return Mesh(
         vertices=np.concatenate([part.vertices for part in parts]),
@@ -100,7 +100,7 @@ def _part(file: GlbFile, primitive: dict[str, Any], place: Doubles, paints: dict
     uv = np.full((len(positions), 2), 0.5, np.float32)
     if paint.picture is not None and which in attributes:
         uv = file.array(attributes[which], 2).astype(np.float32)
-        if uv.shape[0] != len(positions) or not np.isfinite(uv).all():
+        if uv.shape[0] != len(positions):
             raise file.damaged("texture coordinates do not fit the vertices")
     # Exact: a change of sign only, where the scene does not move the part.
     turned = positions.astype(np.float32) * np.array([1, -1, -1], np.float32)

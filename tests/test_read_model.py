@@ -214,3 +214,40 @@ def test_damage_of_any_kind_is_one_line(tmp_path, mesh):
             refused += 1
             assert "\n" not in str(error)
     assert refused > 100
+
+
+def places(value, path=()):
+    """Every place in a document."""
+    inner = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, below in inner:
+        yield (*path, key)
+        yield from places(below, (*path, key))
+
+
+def test_documents_with_anything_anywhere(tmp_path):
+    """Every place of a document left out and set to what does not belong there."""
+    odd = [None, -1, 10**12, 1.5, float("nan"), 1e300, "x", [], {}, [0], [1e300] * 16]
+    document, binary = square(samplers=[{"wrapS": 33648, "wrapT": 10497}], textures=[{"source": 0, "sampler": 0}])
+    document["nodes"][0] |= {"rotation": [0, 0, 0, 1], "scale": [2, 1, 1], "translation": [0, 0, -5]}
+    surface = document["materials"][0]["pbrMetallicRoughness"]
+    surface["baseColorFactor"] = [0.5, 1, 1, 1]
+    surface["baseColorTexture"]["extensions"] = {"KHR_texture_transform": {"scale": [2, 1], "rotation": 0.1}}
+    text = json.dumps(document)
+    outcomes = set()
+    for path in places(document):
+        for change in ["leave out", *odd]:
+            damaged = json.loads(text)
+            *above, last = path
+            place = damaged
+            for key in above:
+                place = place[key]
+            if change == "leave out":
+                del place[last]
+            else:
+                place[last] = change
+            try:
+                outcomes.add(read_glb(glb(tmp_path / "odd.glb", damaged, binary)).unit)
+            except InputError as error:
+                assert "\n" not in str(error)
+                outcomes.add(str(error))
+    assert "m" in outcomes and len(outcomes) > 40
