@@ -226,7 +226,7 @@ def places(value, path=()):
 
 def test_documents_with_anything_anywhere(tmp_path):
     """Every place of a document left out and set to what does not belong there."""
-    odd = [None, -1, 10**12, 1.5, float("nan"), 1e300, "x", [], {}, [0], [1e300] * 16]
+    odd = [None, -1, 10**12, float("nan"), 1e300, "x", {}, [0]]
     document, binary = square(samplers=[{"wrapS": 33648, "wrapT": 10497}], textures=[{"source": 0, "sampler": 0}])
     document["nodes"][0] |= {"rotation": [0, 0, 0, 1], "scale": [2, 1, 1], "translation": [0, 0, -5]}
     surface = document["materials"][0]["pbrMetallicRoughness"]
