@@ -14,7 +14,7 @@ from typing import Any
 from stereo_gpu.export_frame import METRES_SHOWN, check_mesh, to_viewer
 from stereo_gpu.files import write_whole
 from stereo_gpu.texture_file import check_texture_format, pack_texture
-from stereo_gpu.types import Floats, Mesh, RectifiedPair, View
+from stereo_gpu.types import UNSCALED, Floats, Mesh, RectifiedPair, View
 
 _ARRAY_BUFFER, _ELEMENT_ARRAY_BUFFER = 34962, 34963
 _FLOAT, _UNSIGNED_SHORT, _UNSIGNED_INT = 5126, 5123, 5125
@@ -105,7 +105,7 @@ def pack_glb(
         views.append(view if target is None else view | {"target": target})
         pieces += [part, bytes(-len(part) % 4)]
         at += len(part) + len(pieces[-1])
-    document = {
+    document: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": _generator()},
         "extensionsUsed": ["KHR_materials_unlit"],
         "scene": 0,
@@ -163,6 +163,8 @@ def pack_glb(
         document["extensionsUsed"] = ["EXT_texture_webp", "KHR_materials_unlit"]
         document["extensionsRequired"] = ["EXT_texture_webp"]
         document["textures"] = [{"sampler": 0, "extensions": {"EXT_texture_webp": {"source": 0}}}]
+    if mesh.unit == UNSCALED:
+        document["asset"] |= {"extras": {"scale": "unknown: 1 m is the distance between the cameras"}}
     if camera is not None:
         document |= _camera(camera, METRES_SHOWN[mesh.unit], positions, document["nodes"])
     described = json.dumps(document, separators=(",", ":")).encode()

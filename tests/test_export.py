@@ -66,6 +66,7 @@ def test_glb_is_in_metres_with_y_up(tmp_path, mesh, unit, metres):
     np.testing.assert_array_equal(accessor(document, binary, 0).reshape(-1, 3), mesh.faces)
     bounds = document["accessors"][attributes["POSITION"]]
     assert bounds["min"] == positions.min(axis=0).tolist() and bounds["max"] == positions.max(axis=0).tolist()
+    assert ("extras" in document["asset"]) == (unit == "baselines")  # whoever measures in such a file is told
     # The viewer looks along -z; what it sees is the front, so normals point to +z.
     a, b, c = positions[mesh.faces[0]]
     assert np.cross(b - a, c - a)[2] > 0

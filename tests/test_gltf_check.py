@@ -13,6 +13,7 @@ import pytest
 from conftest import missing
 
 import stereo_gpu as sg
+from stereo_gpu.cli import main
 from stereo_gpu.config import MeshOptions
 from stereo_gpu.errors import InputError
 from stereo_gpu.export import write_glb
@@ -45,7 +46,7 @@ def result(raw_folder):
         sg.Rig.load(raw_folder / "rig.json"),
         profile="fast",
         disparities=(16, 40),
-        mesh=MeshOptions(faces=3000, unwrap="view"),
+        mesh=MeshOptions(faces=3000, smoothing=0, unwrap="view"),
     )
 
 
@@ -111,13 +112,28 @@ def test_the_camera_sees_what_the_picture_shows(result, tmp_path):
     reach = np.array([lens["aspectRatio"] * half_height, half_height])
     centre, size = np.array([pair.cx_right, pair.cy]), np.array([width, height])
     np.testing.assert_allclose(reach * pair.focal_px, np.maximum(centre + 0.5, size - 0.5 - centre), rtol=1e-6)
-    assert (np.abs(tangents) * pair.focal_px <= reach * pair.focal_px + 3).all()  # smoothing moves borders a little
+    assert (np.abs(tangents) * pair.focal_px <= reach * pair.focal_px).all()
     # The view's own texture coordinates say where in the picture each vertex is, up to one shift and scale.
     pixels = tangents * [pair.focal_px, -pair.focal_px] + centre
     fitted, _ = cv2.estimateAffine2D(result.mesh.uv.astype(np.float64), pixels, method=cv2.LMEDS)
     seen = result.mesh.uv @ fitted[:, :2].T + fitted[:, 2]
     assert np.percentile(np.abs(seen - pixels), 99) < 0.1
     assert lens["znear"] < -vertices[:, 2].max() and lens["zfar"] > -vertices[:, 2].min()
+
+
+def test_the_command_takes_a_format(raw_folder, tmp_path, capsys):
+    pair = [str(raw_folder / name) for name in ("left.png", "right.png")]
+    out = tmp_path / "out"
+    options = ["--rig", str(raw_folder / "rig.json"), "--profile", "fast", "--disparities", "16,40", "--unwrap", "view"]
+    assert main(["reconstruct", *pair, *options, "--out", str(out), "--texture-format", "gif"]) == 2
+    assert "'gif'" in capsys.readouterr().err and not out.exists()
+    assert main(["reconstruct", *pair, *options, "--out", str(out), "--texture-format", "webp"]) == 0
+    content = (out / "model.glb").read_bytes()
+    (length,) = struct.unpack_from("<I", content, 12)
+    document = json.loads(content[20 : 20 + length])
+    assert document["extensionsRequired"] == ["EXT_texture_webp"]
+    assert [image["mimeType"] for image in document["images"]] == ["image/webp"]
+    assert json.loads((out / "result.json").read_text())["options"]["texture_format"] == "webp"
 
 
 def test_formats_that_are_unknown(result, tmp_path):
