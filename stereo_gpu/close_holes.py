@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stereo_gpu.errors import InputError
+from stereo_gpu.membrane import Places, relax
 from stereo_gpu.types import Disparity, Floats, Validity, View
 
 # px: how far a surface goes on beyond its last measured pixel, where nothing bounds the hole on the other side.
@@ -23,7 +24,6 @@ PASSES = 8  # of the membrane: it evens out rows, and does not flatten what the 
 CORNER = 0.3  # of the square of a disc's radius: what the disc leaves of a right-angled corner is 1 - pi / 4
 
 _Mask = NDArray[np.bool_]
-_Places = NDArray[np.intp]
 
 
 def close_holes(disparity: Disparity, *, largest: int | None = 400, max_jump_px: float = 3.0) -> Disparity:
@@ -73,7 +73,8 @@ def close_holes(disparity: Disparity, *, largest: int | None = 400, max_jump_px:
     if len(unknown):
         known = np.where(measured, values, np.float32(np.nan))
         closed.ravel()[unknown] = _between_ends(known, hole, unknown, max_jump_px)
-    _relax(closed, np.flatnonzero(small & np.isfinite(closed)), max_jump_px)
+    moving = np.flatnonzero(small & np.isfinite(closed))
+    relax(closed, moving, max_jump_px=max_jump_px, slack=SLACK, passes=PASSES)
     has_value = np.isfinite(closed)
     reason = validity & ~np.uint8(Validity.FILLED)
     return dataclasses.replace(
@@ -144,7 +145,7 @@ def _bounded(measured: _Mask) -> _Mask:
     return bounded
 
 
-def _between_ends(known: Floats, hole: _Mask, places: _Places, max_jump_px: float) -> Floats:
+def _between_ends(known: Floats, hole: _Mask, places: Places, max_jump_px: float) -> Floats:
     """(N,): what the ends of its hole say of each pixel, in its row and in its column; NaN if nothing.
 
     Args:
@@ -164,9 +165,7 @@ def _between_ends(known: Floats, hole: _Mask, places: _Places, max_jump_px: floa
     return np.asarray(np.where(agreed, both, nearest), np.float32)
 
 
-def _along_rows(
-    known: Floats, hole: _Mask, rows: _Places, columns: _Places, max_jump_px: float
-) -> tuple[Floats, Floats]:
+def _along_rows(known: Floats, hole: _Mask, rows: Places, columns: Places, max_jump_px: float) -> tuple[Floats, Floats]:
     """(N,), (N,): the value between the hole's ends in the row, NaN without two; its weight, 1 / px."""
     used, row = np.unique(rows, return_inverse=True)
     known, hole = known[used], hole[used]
@@ -186,28 +185,10 @@ def _along_rows(
     return np.where(inside, value, np.float32(np.nan)).astype(np.float32), weight.astype(np.float32)
 
 
-def _slope(known: Floats, rows: _Places, columns: _Places, away: int) -> Floats:
+def _slope(known: Floats, rows: Places, columns: Places, away: int) -> Floats:
     """(N,): change of disparity a pixel between these pixels and those `away` along the row; 0 if it is not known."""
     width = known.shape[1]
     inside = (columns >= 0) & (columns < width) & (columns + away >= 0) & (columns + away < width)
     rim, beyond = np.where(inside, columns, 0), np.where(inside, columns + away, 0)
     slope = (known[rows, beyond] - known[rows, rim]) / np.float32(away)
     return np.where(np.abs(slope) <= STEEPEST, slope, np.float32(0))  # false for NaN
-
-
-def _relax(values: Floats, places: _Places, max_jump_px: float) -> None:
-    """Move the values at flat `places` to the mean of their neighbours on the same surface, PASSES times, in place."""
-    width = values.shape[1] + 2
-    around = np.pad(values, 1, constant_values=np.nan)
-    flat = around.ravel()
-    places = places + 2 * (places // values.shape[1]) + width + 1
-    neighbours = places + np.array([[-1], [1], [-width], [width]])
-    moving = np.zeros(flat.size, bool)
-    moving[places] = True
-    limit = np.where(moving[neighbours], np.float32(SLACK * max_jump_px), np.float32(max_jump_px))
-    for _ in range(PASSES):
-        step = flat[neighbours] - flat[places]
-        # NaN compares as false: what has no value does not pull.
-        pulls = np.abs(step) <= limit
-        flat[places] += np.where(pulls, step, np.float32(0)).sum(axis=0) / np.maximum(pulls.sum(axis=0), 1)
-    values[...] = around[1:-1, 1:-1]

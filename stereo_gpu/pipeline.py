@@ -22,6 +22,7 @@ from stereo_gpu.export_frame import check_shown
 from stereo_gpu.images import check_pair, read_image
 from stereo_gpu.job import Job, Rectangle, check_against, parse_check, plan_job
 from stereo_gpu.known_distance import KnownDistance, scale_to
+from stereo_gpu.level_spikes import level_spikes
 from stereo_gpu.mask import mask_from_depth, mask_from_rectangle
 from stereo_gpu.match_options import Range, Window
 from stereo_gpu.model import build_model
@@ -267,7 +268,13 @@ def _from_rectified(
         with watch.step("check"):
             checked = _check_map(pair, disparity, raw_left, raw_right, setup)
     with watch.step("close"):
-        disparity = close_holes(disparity, largest=job.mesh.largest_hole, max_jump_px=job.mesh.max_jump_px)
+        largest, max_jump_px = job.mesh.largest_hole, job.mesh.max_jump_px
+        disparity = close_holes(disparity, largest=largest, max_jump_px=max_jump_px)
+        if largest != 0:
+            infinity_px = pair.cx_left - pair.cx_right
+            disparity = level_spikes(
+                disparity, focal_px=pair.focal_px, infinity_px=infinity_px, max_jump_px=max_jump_px
+            )
     with watch.step("triangulate"):
         points: Floats = device.download(triangulate_on(device, device.upload(disparity.values), job.view, pair))
         if setup.distance is not None:
