@@ -130,7 +130,7 @@ def _whole_view(surface: Surface, seen: Doubles, density: float, padding: int, m
     low, extent = seen.min(axis=0) * density, np.ptp(seen, axis=0) * density
     # A pixel's centre is a whole number, a texel's is a half: the 0.5 lets them meet where the density is 1.
     low = np.floor(low) if (np.floor(low) + max_size - 2 * padding - 1 >= low + extent).all() else low
-    size = np.ceil(seen.max(axis=0) * density - low).astype(int) + 2 * padding + 1
+    size = np.ceil(seen.max(axis=0) * density - low - 1e-6).astype(int) + 2 * padding + 1
     return Unwrapped(
         vertices=surface.vertices,
         faces=surface.faces,
@@ -180,9 +180,6 @@ def _charts(
     time_limit_s: float,
     deadline: float,
 ) -> Unwrapped:
-    # xatlas hangs on coordinates that are not finite, or so large that its grids overflow.
-    if not np.isfinite(surface.vertices).all():
-        raise NoAnswerError("the mesh has vertices that are not finite")
     pool = shared_pool()
     chart, lost = find_charts(pool, surface, seen, _TILES_SHARE * time_limit_s)
     vertex_map, faces, chart = _cut(surface.faces, chart, len(seen))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -65,44 +66,45 @@ def find_cells(texels: Doubles, faces: Ints, chart: _Indices, grow: int = 0) -> 
         chart: (M,) the chart of each face, every number from 0 up in use.
         grow: cells to add to the right and below.
     """
-    corners = texels[faces]
-    low, high = corners.min(axis=1), corners.max(axis=1)
+    a, b, c = (texels[faces[:, i]] for i in range(3))
+    low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
     order = np.argsort(chart, kind="stable")
     first = np.append(0, np.flatnonzero(np.diff(chart[order])) + 1)
     corner = np.floor(np.minimum.reduceat(low[order], first)).astype(np.int64)
-    corners = (corners - corner[chart][:, None]) / CELL
-    c0 = np.floor((low - corner[chart]) / CELL).astype(np.int64)
-    c1 = np.floor((high - corner[chart]) / CELL).astype(np.int64) + grow
+    origin = corner[chart]
+    c0 = ((low - origin) // CELL).astype(np.int64)
+    c1 = ((high - origin) // CELL).astype(np.int64) + grow
     extent = np.maximum.reduceat(c1[order], first) + 1
     stride = extent[:, 0] + 1
     base = np.append(0, np.cumsum(stride * (extent[:, 1] + 1)))
     wide = c1 - c0 + 1
-    count = wide.prod(axis=1)
+    count = wide[:, 0] * wide[:, 1]
     face = np.repeat(np.arange(len(faces)), count)
     number = np.arange(len(face)) - np.repeat(np.cumsum(count) - count, count)
     row, column = np.divmod(number, wide[face, 0])
-    row, column = row + c0[face, 1], column + c0[face, 0]
+    column, row = column + c0[face, 0], row + c0[face, 1]
     # Of a triangle that spans no more than two cells either way, the cells of its rectangle will do.
-    doubtful = np.flatnonzero((wide.min(axis=1) > 2 + grow)[face])
-    outside = _beside(corners[face[doubtful]], column[doubtful], row[doubtful], grow)
+    doubtful = np.flatnonzero((np.minimum(wide[:, 0], wide[:, 1]) > 2 + grow)[face])
+    of = face[doubtful]
+    inside = tuple((point[of] - origin[of]) / CELL for point in (a, b, c))
     keep = np.ones(len(face), bool)
-    keep[doubtful[outside]] = False
+    keep[doubtful[_beside(inside, column[doubtful], row[doubtful], grow)]] = False
     mask = np.zeros(base[-1], bool)
     mask[(base[chart[face]] + row * stride[chart[face]] + column)[keep]] = True
     return Cells(corner=corner, extent=extent, base=base, touched=np.flatnonzero(mask))
 
 
-def _beside(corners: Doubles, column: _Indices, row: _Indices, grow: int) -> NDArray[np.bool_]:
+def _beside(corners: Sequence[Doubles], column: _Indices, row: _Indices, grow: int) -> NDArray[np.bool_]:
     """(K,): cells that lie wholly on the far side of one of their triangle's sides, all in cells."""
-    p, q = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    p, q = corners[1] - corners[0], corners[2] - corners[0]
     turn = np.sign(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0])
     beside = np.zeros(len(column), bool)
     for i in range(3):
-        start, side = corners[:, i], corners[:, (i + 1) % 3] - corners[:, i]
+        start, side = corners[i], (corners[(i + 1) % 3] - corners[i]) * turn[:, None]
         # Of the cell's corners the one that is farthest inside.
-        x = np.where(-side[:, 1] * turn > 0, column + 1, column - grow) - start[:, 0]
-        y = np.where(side[:, 0] * turn > 0, row + 1, row - grow) - start[:, 1]
-        beside |= (side[:, 0] * y - side[:, 1] * x) * turn < 0
+        x = np.where(side[:, 1] < 0, column + 1, column - grow) - start[:, 0]
+        y = np.where(side[:, 0] > 0, row + 1, row - grow) - start[:, 1]
+        beside |= side[:, 0] * y - side[:, 1] * x < 0
     return beside
 
 

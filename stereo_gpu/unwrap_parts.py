@@ -87,15 +87,20 @@ def join_small(chart: Indices, faces: Ints, seen: Doubles, area: Doubles, smalle
     Returns:
         (M,) the chart of each face, with gaps in the numbers. A chart without neighbours stays.
     """
-    sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    key = sides.min(axis=1).astype(np.int64) * len(seen) + sides.max(axis=1)
+    lowest, highest = np.full(len(seen), len(faces)), np.full(len(seen), -1)
+    np.minimum.at(lowest, faces, chart[:, None])
+    np.maximum.at(highest, faces, chart[:, None])
+    border = np.flatnonzero((lowest < highest)[faces].any(axis=1))
+    a, b, c = faces[border].T.astype(np.int64)
+    # Sides, and each corner as a side without a length: what hangs by a corner alone has that one neighbour.
+    starts, ends = np.concatenate([a, b, c, a, b, c]), np.concatenate([b, c, a, a, b, c])
+    key = np.minimum(starts, ends) * len(seen) + np.maximum(starts, ends)
     order = np.argsort(key)
-    meets = np.flatnonzero(key[order[1:]] == key[order[:-1]])
-    one, other = order[meets] % len(faces), order[meets + 1] % len(faces)
-    between = np.flatnonzero(chart[one] != chart[other])
-    one, other, side = one[between], other[between], sides[order[meets[between]]]
+    one, other = border[order[:-1] % len(border)], border[order[1:] % len(border)]
+    meets = (key[order[1:]] == key[order[:-1]]) & (chart[one] != chart[other])
+    one, other, side = one[meets], other[meets], order[1:][meets]
     # Whole numbers add up to the same from either side, so that no circle of charts can choose each other in turn.
-    length = np.rint(256 * np.linalg.norm(seen[side[:, 0]] - seen[side[:, 1]], axis=1))
+    length = np.rint(256 * np.linalg.norm(seen[starts[side]] - seen[ends[side]], axis=1))
     one, other, length = np.concatenate([one, other]), np.concatenate([other, one]), np.tile(length, 2)
     chart = np.array(chart)
     while True:
@@ -105,9 +110,9 @@ def join_small(chart: Indices, faces: Ints, seen: Doubles, area: Doubles, smalle
         if not leaving.any():
             return chart
         pairs, which = np.unique(a[leaving].astype(np.int64) * len(size) + b[leaving], return_inverse=True)
-        border = np.bincount(which, length[leaving])
+        shared = np.bincount(which, length[leaving])
         a, b = np.divmod(pairs, len(size))
-        ranked = np.lexsort([b, border, a])
+        ranked = np.lexsort([b, shared, a])
         longest = ranked[np.append(np.flatnonzero(np.diff(a[ranked])), len(ranked) - 1)]
         into = np.arange(len(size))
         into[a[longest]] = b[longest]

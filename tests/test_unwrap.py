@@ -4,26 +4,35 @@ import numpy as np
 import pytest
 from surfaces import CENTRE, ball, plane, seen, signed_areas, triangulated
 
+from stereo_gpu import unwrap_charts
 from stereo_gpu.errors import InputError, StageError
 from stereo_gpu.mesh import build_mesh
 from stereo_gpu.types import Surface
 from stereo_gpu.unwrap import unwrap
 from stereo_gpu.unwrap_parts import parts
 
-SHIFT = (80.0, 60.0)
+SHIFT = (50.0, 40.0)
 METHODS = ("charts", "view")
 OFF_ANY_SIDE = (0.137, 0.289)
 
 
 @pytest.fixture(scope="module")
 def scene():
-    """A ball before a wall, 37,000 triangles in two pieces."""
-    return build_mesh(*triangulated(ball()), method="dense", centre=CENTRE)
+    """A ball before a wall, 15,000 triangles in two pieces."""
+    return build_mesh(*triangulated(ball(81, 101, radius=70.0)), method="dense", centre=CENTRE)
 
 
 @pytest.fixture(scope="module")
 def view_uv(scene):
     return seen(scene.vertices, shift=SHIFT)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def small_tiles():
+    """So that there are several, with seams between them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(unwrap_charts, "_FACES_PER_TILE", 4000)
+        yield
 
 
 @pytest.fixture(scope="module")
@@ -107,7 +116,13 @@ def test_every_triangle_has_as_many_texels_as_the_view_has_pixels_there(scene, v
     got = np.abs(signed_areas(texels(charts), charts.faces))
     wanted = np.abs(signed_areas(view_uv, scene.faces))
     np.testing.assert_allclose(got, wanted, rtol=1e-3, atol=1e-3)
-    assert np.prod(charts.size) < 2.5 * wanted.sum()
+
+
+def test_half_of_the_atlas_is_in_use(scene, view_uv):
+    """At a size at which the gutters around a ring and a disk hardly count."""
+    fine = unwrap(scene, view_uv, texels_per_pixel=6)
+    assert fine.charts > 4
+    assert 36 * np.abs(signed_areas(view_uv, scene.faces)).sum() > 0.5 * np.prod(fine.size)
 
 
 def test_charts_are_the_view_shifted_by_whole_texels(view_uv, charts):
@@ -204,17 +219,18 @@ def test_time_limit_gives_the_view_and_the_reason(scene, view_uv):
     assert view.reason == "the view's own coordinates instead of charts: xatlas did not finish in 0.001 s"
 
 
-def test_vertices_that_would_hang_xatlas_never_reach_it():
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("far", [1e7, 1e30])
+def test_a_vertex_far_outside_of_the_picture_ends_in_time(method, far):
+    """xatlas hangs on coordinates so large that its grids overflow."""
     surface = build_mesh(*triangulated(plane()), method="dense", centre=CENTRE)
     coordinates = seen(surface.vertices)
-    vertices = surface.vertices.copy()
-    vertices[7, 2] = np.inf
-    view = unwrap(Surface(vertices=vertices, faces=surface.faces), coordinates)
-    assert view.method == "view" and "not finite" in view.reason
-    vertices[7, 2] = 1e30
+    coordinates[7, 0] = far
     start = time.monotonic()
-    unwrap(Surface(vertices=vertices, faces=surface.faces), coordinates, time_limit_s=5)
+    unwrapped = unwrap(surface, coordinates, method=method, time_limit_s=4, max_size=1024)
     assert time.monotonic() - start < 10
+    assert max(unwrapped.size) <= 1024 and 0 <= unwrapped.uv.min() <= unwrapped.uv.max() <= 1
+    np.testing.assert_array_equal(unwrapped.vertex_map[unwrapped.faces], surface.faces)
 
 
 @pytest.mark.parametrize(

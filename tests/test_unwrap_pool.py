@@ -15,7 +15,7 @@ from surfaces import CENTRE, ball, seen, triangulated
 
 import stereo_gpu
 from stereo_gpu import unwrap as unwrap_module
-from stereo_gpu import unwrap_pool
+from stereo_gpu import unwrap_charts, unwrap_pool
 from stereo_gpu.errors import InputError
 from stereo_gpu.mesh import build_mesh
 from stereo_gpu.unwrap import unwrap
@@ -156,7 +156,8 @@ def test_many_threads_share_the_children(pool):
     assert len(pids(pool)) <= 2
 
 
-def test_tiles_without_an_answer_take_the_view_and_the_result_says_so(pool, scene):
+def test_tiles_without_an_answer_take_the_view_and_the_result_says_so(pool, scene, monkeypatch):
+    monkeypatch.setattr(unwrap_charts, "_FACES_PER_TILE", 600)
     surface, view_uv = scene
     whole = unwrap(surface, view_uv)
     assert (whole.method, whole.reason) == ("xatlas", None)
