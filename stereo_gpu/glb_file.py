@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from stereo_gpu.errors import InputError
 
 BYTE_LIMIT = 1 << 30
-ELEMENT_LIMIT = 100_000_000  # numbers in one array: an array without data is written in a few bytes
 _NUMBERS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _COLUMNS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 # What may be required of a reader and makes no difference here, or is understood.
@@ -59,14 +58,12 @@ class GlbFile:
             InputError: it lies outside the file, is of another shape, or sparse.
         """
         accessor = self.entry("accessors", index)
-        if "sparse" in accessor:
-            raise InputError(f"{self.name} holds sparse arrays: export it again without morph targets")
+        if "sparse" in accessor or "bufferView" not in accessor:
+            raise InputError(f"{self.name} holds sparse arrays: export it again without morph targets or compression")
         kind = np.dtype(_NUMBERS[accessor["componentType"]])
         count = size(accessor["count"])
-        if _COLUMNS.get(accessor["type"]) != columns or count * columns > ELEMENT_LIMIT:
+        if _COLUMNS.get(accessor["type"]) != columns:
             raise self.damaged(f"an array of {count} {accessor['type']!r:.20} stands where {columns} columns belong")
-        if "bufferView" not in accessor:
-            return np.zeros((count, columns), kind)
         view = self.entry("bufferViews", accessor["bufferView"])
         data = self.view(accessor["bufferView"])
         stride = size(view.get("byteStride", 0)) or kind.itemsize * columns

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -11,10 +12,11 @@ import numpy as np
 
 from stereo_gpu.errors import InputError
 from stereo_gpu.glb_file import DAMAGE, GlbFile, as_object, open_glb
-from stereo_gpu.glb_textures import Paint, lay_out, read_paint
+from stereo_gpu.glb_textures import SIDE_LIMIT, Paint, lay_out, read_paint
 from stereo_gpu.types import Doubles, Floats, Ints, Mesh
 
 FACE_LIMIT = 20_000_000
+TEXEL_LIMIT = SIDE_LIMIT**2
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 
@@ -63,7 +65,7 @@ def read_glb(path: str | os.PathLike[str]) -> Mesh:
 
 
 def _parts(file: GlbFile) -> Iterator[_Part]:
-    faces = 0
+    faces = vertices = 0
     paints: dict[Any, Paint] = {}
     for node, place in _placed(file):
         if "mesh" not in node:
@@ -73,8 +75,9 @@ def _parts(file: GlbFile) -> Iterator[_Part]:
                 continue
             part = _part(file, primitive, place, paints)
             faces += len(part.faces)
-            if faces > FACE_LIMIT:
-                raise InputError(f"{file.name} has more than {FACE_LIMIT} triangles: decimate the model")
+            vertices += len(part.vertices)
+            if max(faces, vertices) > FACE_LIMIT:  # a small file can show one part a million times
+                raise InputError(f"{file.name} has more than {FACE_LIMIT} triangles or vertices: decimate the model")
             if len(part.faces):
                 yield part
 
@@ -95,6 +98,8 @@ def _part(file: GlbFile, primitive: dict[str, Any], place: Doubles, paints: dict
     material = primitive.get("material")
     if material not in paints:
         paints[material] = read_paint(file, material)
+        if sum(paint.picture.size for paint in paints.values() if paint.picture is not None) > 3 * TEXEL_LIMIT:
+            raise InputError(f"{file.name} has over {TEXEL_LIMIT} px of textures: scale them down")
     paint = paints[material]
     which = f"TEXCOORD_{paint.uv_set}"
     uv = np.full((len(positions), 2), 0.5, np.float32)
@@ -129,10 +134,10 @@ def _placed(file: GlbFile) -> Iterator[tuple[dict[str, Any], Doubles]]:
     else:
         below = {child for node in nodes for child in node.get("children", [])}
         roots = [index for index in range(len(nodes)) if index not in below]
-    waiting = [(index, np.eye(4)) for index in roots]
+    waiting = deque((index, np.eye(4)) for index in roots)
     seen = set()
     while waiting:
-        index, parent = waiting.pop(0)
+        index, parent = waiting.popleft()
         node = file.entry("nodes", index)
         if index in seen:
             raise file.damaged(f"node {index} stands in the scene twice")

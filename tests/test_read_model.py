@@ -161,7 +161,11 @@ def test_what_trimesh_writes(tmp_path):
         ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "needs KHR_draco_mesh_compression"),
         (
             {"accessors": [{"componentType": 5126, "count": 10**12, "type": "VEC3"}]},
-            "3 columns belong",
+            "holds sparse arrays",
+        ),
+        (
+            {"accessors": [{"bufferView": 0, "componentType": 5126, "count": 10**12, "type": "VEC3"}]},
+            "is damaged",
         ),
     ],
 )
@@ -214,6 +218,25 @@ def test_damage_of_any_kind_is_one_line(tmp_path, mesh):
             refused += 1
             assert "\n" not in str(error)
     assert refused > 100
+
+
+def test_a_part_that_is_shown_too_often(tmp_path, monkeypatch):
+    monkeypatch.setattr("stereo_gpu.read_model.FACE_LIMIT", 1000)
+    document, binary = square(scenes=[{"nodes": list(range(600))}], nodes=[{"mesh": 0}] * 600)
+    with pytest.raises(InputError, match="more than 1000 triangles or vertices"):
+        read_glb(glb(tmp_path / "many.glb", document, binary))
+
+
+def test_textures_that_are_too_large_together(tmp_path, monkeypatch):
+    monkeypatch.setattr("stereo_gpu.read_model.TEXEL_LIMIT", 11)  # two of 2 x 3 px are one too many
+    document, binary = square()
+    primitive = document["meshes"][0]["primitives"][0]
+    document["meshes"][0]["primitives"].append(primitive | {"material": 1})
+    one = document | {"meshes": [{"primitives": [primitive]}]}
+    assert len(read_glb(glb(tmp_path / "one.glb", one, binary)).faces) == 2
+    document["materials"].append(document["materials"][0])
+    with pytest.raises(InputError, match="over 11 px of textures"):
+        read_glb(glb(tmp_path / "two.glb", document, binary))
 
 
 def places(value, path=()):
