@@ -9,8 +9,9 @@ from stereo_gpu.light import decode_light, encode_light, fill_gaps, halve_light
 from stereo_gpu.types import Bytes, Doubles, Floats, RectifiedPair, View
 from stereo_gpu.unwrap import Unwrapped
 
-# Texels beside a chart that are baked too: bilinear samples on its border take them in.
-_REACH = 1.0
+# How far beside a chart the picture goes on, texels, and a little more against rounding; where two charts are nearer, each
+# has its half. Bilinear samples on a border take in one texel more, in the first level of a mip map two, and so on.
+_REACH = 4.25
 # By how much of what the model lacks of the picture its texture is corrected, in turn. Samples between texels are
 # blurred, at the worst to nothing: a correction by more than all of it gains on those that are not blurred so much.
 _CORRECTIONS = (1.5, 1.5)
@@ -65,7 +66,7 @@ def bake_texture(
     while pixels > 1.5 * cell:
         light, cell = halve_light(backend, light), 2 * cell
     texture = backend.zeros((height, width, 4), np.uint16)
-    places = _find_places(backend, corners, _REACH, 2 * cell, size)
+    places = _find_places(backend, corners, _REACH, 1.5 * _REACH * pixels, size)
 
     def add(source: DeviceArray, bias: float, gain: float) -> None:
         backend.launch(

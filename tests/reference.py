@@ -752,13 +752,14 @@ def rectify(picture, matrix, distortion, ray, size):
     return out, valid
 
 
-INSIDE = 1 << 30  # added to an owner's number where it holds the texel's centre
+INSIDE, CLOSE = 1 << 30, 1 << 29  # added to an owner's number where it holds the texel's centre, or is near it
 
 
 def cover(corners, size, reach):
-    """Number of the last triangle, from 1, that holds each texel's centre, and INSIDE; else of the last one near it.
+    """Number of the last triangle, from 1, that holds each texel's centre, and INSIDE; else of one near it.
 
-    Near is within `reach` of the inner side of all three sides, and of the box around the triangle.
+    That is the last one of which it is within half of `reach` of the inner side of all three sides, and CLOSE, or
+    within `reach`; and of the box around the triangle.
     """
     width, height = size
     owner = np.zeros((height, width), int)
@@ -777,6 +778,8 @@ def cover(corners, size, reach):
                 shares = np.linalg.solve(places, (x + 0.5, y + 0.5, 1.0))
                 if shares.min() >= 0:
                     owner[y, x] = max(owner[y, x], number + INSIDE)
+                elif (shares * heights).min() >= -reach / 2:
+                    owner[y, x] = max(owner[y, x], number + CLOSE)
                 elif (shares * heights).min() >= -reach:
                     owner[y, x] = max(owner[y, x], number)
     return owner
@@ -789,9 +792,11 @@ def place(corners, owner, margin, size):
     for y in range(height):
         for x in range(width):
             if owner[y, x]:
-                triangle = corners[owner[y, x] % INSIDE - 1]
+                triangle = corners[owner[y, x] % CLOSE - 1]
                 places = np.column_stack([triangle[:, :2], np.ones(3)]).T
-                shares = np.linalg.solve(places, (x + 0.5, y + 0.5, 1.0)) * triangle[:, 4]
+                shares = np.linalg.solve(places, (x + 0.5, y + 0.5, 1.0))
+                if owner[y, x] > INSIDE:
+                    shares = shares * triangle[:, 4]
                 found = shares @ triangle[:, 2:4] / shares.sum()
                 ends = triangle[:, 2:4].min(axis=0) - margin, triangle[:, 2:4].max(axis=0) + margin
                 out[:, y, x] = np.clip(found, *ends)

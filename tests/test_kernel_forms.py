@@ -278,7 +278,7 @@ def test_place(forms, size, margin):
         "place",
         {"place_out": junk((2, *size[::-1]), np.float32)},
         corners=triangles(40, size, (41, 29)),
-        owner=np.where(rng.random(size[::-1]) < 0.5, owner, owner + (1 << 30) * (owner > 0)).astype(np.int32),
+        owner=(owner + (owner > 0) * rng.choice([0, 1 << 29, 1 << 30], size[::-1])).astype(np.int32),
         margin=margin,
         texture_width=size[0],
         texture_height=size[1],

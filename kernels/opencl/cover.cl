@@ -9,7 +9,7 @@ inline int clamp_end(int index, int size) { return index < 0 ? 0 : index > size 
 inline float squared(float x, float y) { return x * x + y * y; }
 
 // Number of the last triangle that holds the texel's centre, counted from 1, and INSIDE; where none does, of the last
-// one that has it within `reach` texels of its sides. Must come in as 0.
+// one that has it within half of `reach` texels of its sides, and CLOSE, or within `reach`. Must come in as 0.
 // corners is (F, 3, 5), a corner's place in the atlas in texels first. The last one wins whatever the order in
 // which triangles are drawn, so that a texture does not change from run to run.
 __kernel void cover(
@@ -41,9 +41,13 @@ __kernel void cover(
             Weights share = weights(corners, face, x, y);
             int inside = share.a >= 0.0f && share.b >= 0.0f && share.c >= 0.0f;
             float a = share.a * area, b = share.b * area, c = share.c * area;
-            int near = (share.a >= 0.0f || a * a <= far_a) && (share.b >= 0.0f || b * b <= far_b) &&
-                (share.c >= 0.0f || c * c <= far_c);
-            if (inside || near) atomic_max(owner_out + y * texture_width + x, inside ? face + 1 + INSIDE : face + 1);
+            a = share.a >= 0.0f ? 0.0f : a * a;
+            b = share.b >= 0.0f ? 0.0f : b * b;
+            c = share.c >= 0.0f ? 0.0f : c * c;
+            int near = a <= far_a && b <= far_b && c <= far_c;
+            int close = 4.0f * a <= far_a && 4.0f * b <= far_b && 4.0f * c <= far_c;
+            int place = inside ? INSIDE : close ? CLOSE : 0;
+            if (inside || near) atomic_max(owner_out + y * texture_width + x, face + 1 + place);
         }
     }
 }

@@ -25,9 +25,13 @@ inline int_lanes draw(int_lanes owner, int x, float py, Drawn t, int number)
     lanes c = 1.0f - a - b;
     int_lanes inside = a >= 0.0f & b >= 0.0f & c >= 0.0f;
     lanes off_a = a * t.area, off_b = b * t.area, off_c = c * t.area;
-    int_lanes near = (a >= 0.0f | off_a * off_a <= t.far_a) & (b >= 0.0f | off_b * off_b <= t.far_b) &
-        (c >= 0.0f | off_c * off_c <= t.far_c) & px > t.low & px < t.high;
-    int_lanes found = inside & px > t.low & px < t.high ? (int_lanes)(number + INSIDE) : near ? (int_lanes)(number) : (int_lanes)(0);
+    off_a = a >= 0.0f ? 0.0f : off_a * off_a;
+    off_b = b >= 0.0f ? 0.0f : off_b * off_b;
+    off_c = c >= 0.0f ? 0.0f : off_c * off_c;
+    int_lanes near = off_a <= t.far_a & off_b <= t.far_b & off_c <= t.far_c;
+    int_lanes close = 4.0f * off_a <= t.far_a & 4.0f * off_b <= t.far_b & 4.0f * off_c <= t.far_c;
+    int_lanes place = inside ? (int_lanes)(INSIDE) : close ? (int_lanes)(CLOSE) : (int_lanes)(0);
+    int_lanes found = (inside | near) & px > t.low & px < t.high ? place + number : (int_lanes)(0);
     return found > owner ? found : owner;
 }
 

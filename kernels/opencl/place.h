@@ -1,4 +1,4 @@
-// Where a texel of a triangle lies in another picture; needs weights.h and extremes.h.
+// Where a texel of a triangle lies in another picture; needs owner.h, weights.h and extremes.h.
 typedef struct {
     float u, v;
 } Place;
@@ -10,11 +10,13 @@ inline float within(float v, float low, float high)
 }
 
 // Place (u, v) that the centre of texel (x, y) shows; see place.cl.
-inline Place find_place(__global const float *corners, int face, int x, int y, float margin)
+inline Place find_place(__global const float *corners, int number, int x, int y, float margin)
 {
+    int face = face_of(number), inside = number > INSIDE;
     __global const float *at = corners + face * 15;
     Weights share = weights(corners, face, x, y);
-    float a = share.a * at[4], b = share.b * at[9], c = share.c * at[14];
+    float a = share.a * (inside ? at[4] : 1.0f), b = share.b * (inside ? at[9] : 1.0f);
+    float c = share.c * (inside ? at[14] : 1.0f);
     float sum = a + b + c;
     float u = (a * at[2] + b * at[7] + c * at[12]) / sum, v = (a * at[3] + b * at[8] + c * at[13]) / sum;
     Place result = {

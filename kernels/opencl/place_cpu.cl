@@ -31,8 +31,9 @@ inline lanes within_lanes(lanes v, lanes low, lanes high)
 
 // Places that the centres of texels from (x, y) on show, each in its own triangle; the same order of operations as in
 // weights.h and place.h.
-inline Places find_places(__global const float *corners, int_lanes face, int x, int y, float margin)
+inline Places find_places(__global const float *corners, int_lanes number, int x, int y, float margin)
 {
+    int_lanes face = (number & (CLOSE - 1)) - 1, inside = number > INSIDE;
     lanes ax, ay, au, av, az, bx, by, bu, bv, bz, cx, cy, cu, cv, cz;
     load_fours(corners, face * 15, &ax, &ay, &au, &av);
     load_fours(corners, face * 15 + 4, &az, &bx, &by, &bu);
@@ -47,9 +48,9 @@ inline Places find_places(__global const float *corners, int_lanes face, int x, 
     a = area == 0.0f ? -1.0f : a;
     b = area == 0.0f ? -1.0f : b;
     c = area == 0.0f ? -1.0f : c;
-    a = a * az;
-    b = b * bz;
-    c = c * cz;
+    a = a * (inside ? az : 1.0f);
+    b = b * (inside ? bz : 1.0f);
+    c = c * (inside ? cz : 1.0f);
     lanes sum = a + b + c;
     Places at = {(a * au + b * bu + c * cu) / sum, (a * av + b * bv + c * cv) / sum};
     at.u = within_lanes(at.u, least_lanes(au, bu, cu) - margin, most_lanes(au, bu, cu) + margin);
@@ -76,16 +77,13 @@ __kernel void place(
         for (; x + LANES <= texture_width; x += LANES) {
             int_lanes number = *(__global const int_lanes *)(owners + x), owned = number > 0;
             Places found = {NAN, NAN};
-            if (any_lane(owned)) {
-                int_lanes face = (number & (INSIDE - 1)) - 1;
-                found = find_places(corners, owned ? face : 0, x, y, margin);
-            }
+            if (any_lane(owned)) found = find_places(corners, owned ? number : 1, x, y, margin);
             *(__global lanes *)(us + x) = owned ? found.u : NAN;
             *(__global lanes *)(vs + x) = owned ? found.v : NAN;
         }
         for (; x < texture_width; x++) {
             Place found = {NAN, NAN};
-            if (owners[x]) found = find_place(corners, (owners[x] & (INSIDE - 1)) - 1, x, y, margin);
+            if (owners[x]) found = find_place(corners, owners[x], x, y, margin);
             us[x] = found.u;
             vs[x] = found.v;
         }

@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from stereo_gpu.kernels.warp.owner import INSIDE, weights
+from stereo_gpu.kernels.warp.owner import CLOSE, INSIDE, weights
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -14,9 +14,11 @@ def squared(x: float, y: float) -> float:
 
 
 @wp.func
-def holds(share: float, off: float, far: float) -> bool:
-    """Whether a texel is on the inner side of a side, or near it."""
-    return share >= 0.0 or off * off <= far
+def beyond(share: float, area: float) -> float:
+    """How far outside of a side a texel is, times the side's length, squared; 0 inside."""
+    if share >= 0.0:
+        return 0.0
+    return share * area * (share * area)
 
 
 @wp.kernel
@@ -32,9 +34,9 @@ def cover(
 ):
     """Number of the last triangle that holds the texel's centre, counted from 1, and INSIDE.
 
-    Where none does, of the last one that has it within `reach` texels of its sides. Must come in as 0. corners is
-    (F, 3, 5), a corner's place in the atlas in texels first. The last one wins whatever the order in which triangles
-    are drawn, so that a texture does not change from run to run.
+    Where none does, of the last one that has it within half of `reach` texels of its sides, and CLOSE, or within
+    `reach`. Must come in as 0. corners is (F, 3, 5), a corner's place in the atlas in texels first. The last one wins
+    whatever the order in which triangles are drawn, so that a texture does not change from run to run.
     """
     face = wp.tid()
     at = face * 15
@@ -58,14 +60,15 @@ def cover(
     for y in range(first_y, last_y):
         for x in range(first_x, last_x):
             share = weights(corners, face, x, y)
+            a = beyond(share[0], area)
+            b = beyond(share[1], area)
+            c = beyond(share[2], area)
             number = int(0)
             if share[0] >= 0.0 and share[1] >= 0.0 and share[2] >= 0.0:
                 number = face + 1 + INSIDE
-            elif (
-                holds(share[0], share[0] * area, far_a)
-                and holds(share[1], share[1] * area, far_b)
-                and holds(share[2], share[2] * area, far_c)
-            ):
+            elif 4.0 * a <= far_a and 4.0 * b <= far_b and 4.0 * c <= far_c:
+                number = face + 1 + CLOSE
+            elif a <= far_a and b <= far_b and c <= far_c:
                 number = face + 1
             if number > 0:
                 wp.atomic_max(owner_out, y * texture_width + x, number)

@@ -1,10 +1,14 @@
-"""Who owns a texel: a triangle's number from 1, INSIDE added where it holds the texel's centre; 0 is nobody."""
+"""Who owns a texel: a triangle's number from 1, and INSIDE where it holds the texel's centre; 0 is nobody.
+
+CLOSE is added where it is nearer than half of what is near at all. So the largest number wins.
+"""
 
 import warp as wp
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
 INSIDE = wp.constant(1 << 30)
+CLOSE = wp.constant(1 << 29)
 
 
 @wp.func

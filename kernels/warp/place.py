@@ -2,7 +2,7 @@
 
 import warp as wp
 
-from stereo_gpu.kernels.warp.owner import INSIDE, weights
+from stereo_gpu.kernels.warp.owner import CLOSE, INSIDE, weights
 
 wp.set_module_options({"enable_backward": False, "fuse_fp": False})
 
@@ -27,9 +27,9 @@ def place(
     """Place that the centre of every texel shows, all columns u first, then all rows v; NaN where no triangle owns it.
 
     corners is (F, 3, 5): a corner's place in texels, its place (u, v) in the other picture, and its weight there: the
-    depth where the texels lie on the mesh, 1 / depth where they are a camera's pixels. A place is at most `margin`
-    beyond those of its triangle's corners, since what lies outside of a triangle that is seen edge on could be
-    anywhere.
+    depth where the texels lie on the mesh, 1 / depth where they are a camera's pixels. Beside its triangle a texel goes
+    on as if all weights were equal, since a plane that is seen edge on may lie anywhere there, and at most `margin`
+    beyond the places of its corners.
     """
     y, x = wp.tid()
     texel = y * texture_width + x
@@ -37,12 +37,16 @@ def place(
     u = float(wp.nan)
     v = float(wp.nan)
     if number != 0:
-        face = (number & (INSIDE - 1)) - 1
+        face = (number & (CLOSE - 1)) - 1
         at = face * 15
         share = weights(corners, face, x, y)
-        a = share[0] * corners[at + 4]
-        b = share[1] * corners[at + 9]
-        c = share[2] * corners[at + 14]
+        a = share[0]
+        b = share[1]
+        c = share[2]
+        if number > INSIDE:
+            a *= corners[at + 4]
+            b *= corners[at + 9]
+            c *= corners[at + 14]
         sum = a + b + c
         au = corners[at + 2]
         av = corners[at + 3]

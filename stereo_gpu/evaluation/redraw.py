@@ -62,7 +62,8 @@ def _shares(corners: Doubles, at: NDArray[np.integer]) -> Doubles:
     """(P, 3) barycentric shares of places in triangles (P, 3, 2)."""
     a, b, c = (corners[:, k] - at for k in range(3))
     parts = [p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0] for p, q in ((b, c), (c, a), (a, b))]
-    return np.stack(parts, axis=1) / sum(parts)[:, None]
+    shares: Doubles = np.stack(parts, axis=1)
+    return shares / shares.sum(axis=1, keepdims=True)
 
 
 def _bilinear(values: Doubles, at: Doubles) -> Doubles:
