@@ -1,4 +1,4 @@
-"""Place charts in one atlas, shifted by whole texels: xatlas packs the cells of four texels that they touch."""
+"""Place charts in one atlas, shifted by whole cells of four texels: xatlas packs those that they touch."""
 
 from __future__ import annotations
 
@@ -70,7 +70,8 @@ def find_cells(texels: Doubles, faces: Ints, chart: _Indices, grow: int = 0) -> 
     low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
     order = np.argsort(chart, kind="stable")
     first = np.append(0, np.flatnonzero(np.diff(chart[order])) + 1)
-    corner = np.floor(np.minimum.reduceat(low[order], first)).astype(np.int64)
+    # Whole cells, so that the first two levels of a mip map average the same texels in every chart, and fit at seams.
+    corner = CELL * np.floor(np.minimum.reduceat(low[order], first) / CELL).astype(np.int64)
     origin = corner[chart]
     c0 = ((low - origin) // CELL).astype(np.int64)
     c1 = ((high - origin) // CELL).astype(np.int64) + grow
