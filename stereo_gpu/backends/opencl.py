@@ -28,6 +28,8 @@ _log = logging.getLogger(__name__)
 _process: list[int] = []
 _ELEMENTS = {"float": np.float32, "int": np.int32, "uchar": np.uint8, "ushort": np.uint16}
 _PIXELS = {np.dtype(np.uint8): "uchar", np.dtype(np.uint16): "ushort", np.dtype(np.float32): "float"}
+# OpenCL lets a GPU round quotients by 2.5 units in the last place. NVIDIA's differ from a processor's without this.
+_ROUNDED = "-cl-fp32-correctly-rounded-divide-sqrt"
 _INSTALL = "pip install pocl-binary-distribution, or apt-get install pocl-opencl-icd"
 
 
@@ -235,6 +237,7 @@ class OpenCLBackend(Backend):
             # Without -w PoCL's compiler counts its warnings on the user's terminal when it first builds a kernel.
             options = ["-cl-std=CL1.2", "-w", *pocl.build_options(self._device)]
             options += [f"-DPIXEL={pixel}"] if pixel else []
+            options += [_ROUNDED] if self.kind == "gpu" and _can_round(self._device) else []
             if self._simulated:
                 text, options = oclgrind.PRELUDE + text, [*options, *oclgrind.BUILD_OPTIONS]
             with warnings.catch_warnings():
@@ -318,6 +321,11 @@ def _status(name: str, device: cl.Device) -> DeviceStatus:
 
 def _kind(device: cl.Device) -> Kind:
     return "cpu" if device.type & cl.device_type.CPU else "gpu"
+
+
+def _can_round(device: cl.Device) -> bool:
+    """Whether quotients and roots can be rounded as processors round them, if they are told to."""
+    return bool(device.single_fp_config & cl.device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT)
 
 
 def _power_of_two(size: int) -> int:
