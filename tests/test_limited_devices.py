@@ -18,6 +18,7 @@ import test_geometry_kernels
 import test_match_cost
 import test_matching_kernels
 import test_plane_kernels
+import test_raster
 import test_smooth_path_kernels
 import test_split_triangles
 from conftest import missing
@@ -65,6 +66,7 @@ def kernel_tests():
         test_match_cost,
         test_matching_kernels,
         test_plane_kernels,
+        test_raster,
         test_smooth_path_kernels,
         test_split_triangles,
     )
