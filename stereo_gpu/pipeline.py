@@ -37,6 +37,7 @@ from stereo_gpu.tiles import match_in_tiles
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.triangulate import triangulate_on
 from stereo_gpu.types import UNSCALED, Bytes, Disparity, Floats, Picture, RectifiedPair, Validity, View
+from stereo_gpu.unwrap import warm_up
 
 STAGES = (
     "read",
@@ -234,6 +235,7 @@ def _from_rectified(
     setup: Setup,
 ) -> Reconstruction:
     """All stages from the rectified pair on; `held` is the same pair on the device."""
+    warm_up(job.mesh.unwrap, job.mesh.faces)
     # Of the raw pictures, since rectified ones have black corners.
     levels = find_levels(raw_left), find_levels(raw_right)
     with watch.step("mask"):

@@ -24,6 +24,11 @@ _SMALLEST_CHART = 1000.0
 _TILE_LIMIT_S = 5.0
 
 
+def tiles_of(faces: int) -> int:
+    """Into about how many tiles so many faces are cut."""
+    return max(1, -(-faces // _FACES_PER_TILE))
+
+
 def find_charts(pool: WorkerPool, surface: Surface, seen: Doubles, time_limit_s: float) -> tuple[_Indices, str | None]:
     """Find the chart of each face.
 

@@ -1,7 +1,7 @@
 """A few warm child processes for xatlas, which can neither be cancelled nor trusted to end.
 
 A cold child takes 0.15 s to import Python, numpy and xatlas, so those that need not be killed wait for the next
-question. They are started at first use, one for each core that this process may use, or as many as
+question. They are started at first use, one for each core that is this process' share, or as many as
 STEREO_GPU_UNWRAP_PROCESSES says. They end when their stdin closes, and so with their parent, however that ends.
 """
 
@@ -20,6 +20,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from stereo_gpu.backends.share import usable_cores
 from stereo_gpu.errors import InputError
 from stereo_gpu.unwrap_worker import Arrays, read_frame, write_frame
 
@@ -57,7 +58,11 @@ class _Child:
         command = [sys.executable, "-P", str(_WORKER)]
         try:
             self.process = subprocess.Popen(
-                command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._complaints
+                command,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=self._complaints,
+                env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},  # it needs none, and each takes time to start
             )
         except OSError as error:
             self._complaints.close()
@@ -149,6 +154,26 @@ class WorkerPool:
             self._places.put(None)
         self.children: set[_Child] = set()
 
+    def warm(self, children: int) -> None:
+        """Start so many of the children, if none are there yet, without waiting for them."""
+        places = []
+        with contextlib.suppress(queue.Empty):
+            while True:
+                places.append(self._places.get_nowait())
+        try:
+            for index in range(min(children, len(places))):
+                places[index] = places[index] or self._started()
+        except NoAnswerError:
+            pass  # who asks will be told
+        finally:
+            for place in sorted(places, key=bool):
+                self._places.put(place)
+
+    def _started(self) -> _Child:
+        child = _Child()
+        self.children.add(child)
+        return child
+
     def ask(
         self, questions: Sequence[Question], *, time_limit_s: float, question_limit_s: float | None = None
     ) -> list[Arrays | NoAnswerError]:
@@ -211,8 +236,7 @@ class WorkerPool:
             if child is None or not child.alive:
                 self._bury(child)
                 child = None
-                child = _Child()
-                self.children.add(child)
+                child = self._started()
             holders.add(child)
             yield child
         finally:
@@ -255,7 +279,7 @@ def shared_pool() -> WorkerPool:
 def _how_many() -> int:
     given = os.environ.get(PROCESSES)
     if given is None:
-        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        return usable_cores()
     if not (given.isdecimal() and int(given) > 0):
         raise InputError(f"{PROCESSES} is {given!r}: set it to a whole number above 0, or not at all")
     return int(given)

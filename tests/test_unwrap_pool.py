@@ -268,4 +268,27 @@ def test_the_number_of_processes(monkeypatch):
     monkeypatch.setenv(unwrap_pool.PROCESSES, "3")
     assert unwrap_pool._how_many() == 3
     monkeypatch.delenv(unwrap_pool.PROCESSES)
+    monkeypatch.delenv("STEREO_GPU_PROCESSES", raising=False)
     assert unwrap_pool._how_many() == len(os.sched_getaffinity(0))
+    monkeypatch.setenv("STEREO_GPU_PROCESSES", "1000")  # as for a worker of a batch
+    assert unwrap_pool._how_many() == 1
+
+
+def test_children_can_be_started_ahead(pool):
+    pool.warm(1)
+    before = pids(pool)
+    assert len(before) == 1
+    pool.warm(1)
+    assert pids(pool) == before
+    pool.warm(5)
+    assert len(pids(pool)) == 2
+    before = pids(pool)
+    assert len(pool.ask([sheet(), sheet()], time_limit_s=30)) == 2 and pids(pool) == before
+
+
+def test_a_process_that_cannot_be_started_ahead_is_told_when_it_is_asked(pool, monkeypatch, tmp_path):
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
+    pool.warm(2)
+    assert not pool.children
+    (answer,) = pool.ask([sheet()], time_limit_s=30)
+    assert str(answer) == "the process for xatlas cannot be started: No such file or directory"
