@@ -9,8 +9,8 @@ from stereo_gpu.light import decode_light, encode_light, fill_gaps, halve_light
 from stereo_gpu.types import Bytes, Doubles, Floats, RectifiedPair, View
 from stereo_gpu.unwrap import Unwrapped
 
-# How far beside a chart the picture goes on, texels, and a little more against rounding; where two charts are nearer, each
-# has its half. Bilinear samples on a border take in one texel more, in the first level of a mip map two, and so on.
+# How far beside a chart the picture goes on, texels, and a little more against rounding; where two charts are nearer,
+# each has its half. Samples on a border take in a texel more, in the first level of a mip map two, and so on.
 _REACH = 4.25
 # By how much of what the model lacks of the picture its texture is corrected, in turn. Samples between texels are
 # blurred, at the worst to nothing: a correction by more than all of it gains on those that are not blurred so much.

@@ -63,7 +63,7 @@ def _shares(corners: Doubles, at: NDArray[np.integer]) -> Doubles:
     a, b, c = (corners[:, k] - at for k in range(3))
     parts = [p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0] for p, q in ((b, c), (c, a), (a, b))]
     shares: Doubles = np.stack(parts, axis=1)
-    return shares / shares.sum(axis=1, keepdims=True)
+    return np.asarray(shares / shares.sum(axis=1, keepdims=True))
 
 
 def _bilinear(values: Doubles, at: Doubles) -> Doubles:
