@@ -1,90 +1,96 @@
-"""Fewer triangles with the same shape: quadric edge collapse, measured as the cameras measured."""
+"""Fewer triangles with the same shape: to a number of them, or as far as the surface may move."""
 
 from __future__ import annotations
 
-import threading
-
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
+from stereo_gpu.collapse import collapse
+from stereo_gpu.compare_surfaces import compare
 from stereo_gpu.errors import InputError, StageError
+from stereo_gpu.height_map import height_and_owner
 from stereo_gpu.mesh import compact
 from stereo_gpu.types import Doubles, Ints, Surface
+from stereo_gpu.view_frame import ViewFrame
 
-# fast_simplification keeps its mesh in global variables: one call at a time in a process.
-_ONE_AT_A_TIME = threading.Lock()
-# How soon the threshold on the error grows. At its default of 7 collapses are less well ordered, and twice as
-# many triangles flip over.
-_AGGRESSION = 5.0
+# Shares of the triangles that are tried for an error; places that move too far are then fixed and the rest is tried
+# again, so often.
+_SHARES = (1 / 2, 1 / 4, 1 / 8, 1 / 16, 1 / 32)
+_ROUNDS = 5
+_FIXED_PX = 7  # side of the square around such a place in which triangles are fixed
 
 
-def decimate(
-    surface: Surface,
-    target_faces: int,
-    *,
-    centre: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    relief: float = 0.1,
-) -> Surface:
-    """Collapse edges until about `target_faces` triangles are left (Garland and Heckbert, 1997).
+def decimate(surface: Surface, target_faces: int, frame: ViewFrame, *, error: float | None = None) -> Surface:
+    """Collapse edges until about `target_faces` are left, or as long as the surface moves by no more than `error`.
 
-    The error of a collapse is not measured in millimetres but in (X / Z, Y / Z, relief * median Z / Z), where
-    planes are planes still and the noise of a disparity is the same in all directions and at all depths. In
-    millimetres the noise of depth, tens of times that across, would be taken for shape: on Middlebury's
-    Motorcycle 40 times as many triangles by area turned their backs to the camera and 46 edges got a third
-    triangle; here none did. Of those that do turn or shrink to nothing, each is dropped.
+    Quadrics (M. Garland and P. S. Heckbert, "Surface Simplification Using Quadric Error Metrics", SIGGRAPH 1997) are
+    taken in columns, rows and disparities of the view, where planes are planes and noise is the same everywhere. In
+    millimetres the noise of depth, tens of times that across, would be taken for shape: on Middlebury's Motorcycle 40
+    times as many triangles turned their backs to the camera.
+
+    Borders are kept by walls: each border edge gets a triangle down to a point far behind the mesh, whose plane
+    counts among the quadrics as the surface's planes do. The walls are taken away afterwards. Then edges are turned
+    for rounder triangles, and the few triangles that still lie on others or upside down are dropped.
+
+    With `error` the number of triangles is searched. Afterwards no point that the view sees on either surface, one a
+    pixel, is farther than that from the other surface; triangles stay as they are where it would be.
 
     Args:
         surface: the mesh, every vertex before the camera.
-        target_faces: how many triangles to keep; a mesh with no more than that is returned as it is.
-        centre: where the reference view's camera stands: (baseline, 0, 0) for the right view.
-        relief: weight of depth against the directions across; baseline over distance makes a pixel of
-            disparity count like a pixel across, and 0.05 to 0.3 give much the same mesh.
+        target_faces: how many triangles to keep at most; a mesh with no more than that is returned as it is. Not used
+            with `error`.
+        frame: of the view that sees the surface.
+        error: how far the surface may move, in its unit.
 
     Raises:
-        InputError: `target_faces` is under 1, or `relief` is not above 0.
+        InputError: `target_faces` is under 1, or `error` is not above 0.
         StageError: a vertex lies behind the camera, or no triangle is left.
     """
-    if target_faces < 1:
+    if target_faces < 1 and error is None:
         raise InputError(f"target_faces is {target_faces}: pass 1 or more")
-    if not relief > 0:
-        raise InputError(f"relief is {relief}: pass a number above 0, about baseline over distance")
-    if len(surface.faces) <= target_faces:
+    if error is not None and not error > 0:
+        raise InputError(f"error is {error}: pass a length above 0, in the unit of the surface")
+    if not len(surface.faces) or (error is None and len(surface.faces) <= target_faces):
         return surface
-    eye = np.asarray(centre, np.float64)
-    seen = surface.vertices.astype(np.float64) - eye
-    if not (np.isfinite(seen).all() and (seen[:, 2] > 0).all()):
-        raise StageError("cannot decimate: a vertex is not finite or not before the camera; build the mesh again")
-    median = float(np.median(seen[:, 2]))
-    measured = _project(seen, relief * median)
-    low, high = measured.min(axis=0), measured.max(axis=0)
-    # The thresholds of the collapse are absolute numbers, made for a mesh about as large as 1.
-    size = float((high - low).max())
-    kept, faces = _collapse((measured - low) / size, surface.faces, target_faces)
-    # A corner may be put where its planes meet, which for nearly parallel ones can be anywhere.
-    kept = np.clip(kept * size + low, low, high)
-    faces = faces[_turned_to_camera(kept, faces)]
-    if not len(faces):
-        raise StageError(f"nothing is left of {len(surface.faces)} triangles at {target_faces}; ask for more")
-    depth = relief * median / kept[:, 2:]
-    return compact(np.concatenate([kept[:, :2] * depth, depth], axis=1) + eye, faces)
+    corners = frame.see(surface.vertices)
+    if error is None:
+        kept, faces = collapse(corners, surface.faces, target_faces)
+        if not len(faces):
+            raise StageError(f"nothing is left of {len(surface.faces)} triangles at {target_faces}; ask for more")
+        return compact(frame.place(kept), faces)
+    kept, faces = _search(corners, surface.faces, error, frame)
+    return compact(frame.place(kept), faces) if len(faces) < len(surface.faces) else surface
 
 
-def _project(vertices: Doubles, weight: float) -> Doubles:
-    depth = vertices[:, 2:]
-    return np.concatenate([vertices[:, :2] / depth, weight / depth], axis=1)
+def _search(corners: Doubles, faces: Ints, error: float, frame: ViewFrame) -> tuple[Doubles, Ints]:
+    """Few triangles that stay within `error`: ever fewer where that moves nothing too far, the others fixed."""
+    given = best = corners, faces
+    fixed = np.zeros(len(faces), bool)
+    for share in _SHARES:
+        for _ in range(_ROUNDS):
+            loose = len(faces) - int(fixed.sum())
+            tried = collapse(*given, max(round(loose * share), 1), fixed=fixed)
+            too_far = compare(given, tried, frame, enough=error)[1]
+            if not len(too_far):
+                break
+            fixed |= _around(too_far, *given)
+        if len(too_far) or len(tried[1]) >= len(best[1]):
+            break
+        best = tried
+    return best
 
 
-def _collapse(vertices: Doubles, faces: Ints, target_faces: int) -> tuple[Doubles, Ints]:
-    import fast_simplification
-
-    with _ONE_AT_A_TIME:
-        kept, left = fast_simplification.simplify(vertices, faces, target_count=target_faces, agg=_AGGRESSION)
-    return np.asarray(kept, np.float64), np.asarray(left, np.int32)
-
-
-def _turned_to_camera(projected: Doubles, faces: Ints) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-    """(M,): faces that are still counter-clockwise on the picture and cover some of it."""
-    a, b, c = (projected[faces[:, i], :2] for i in range(3))
-    p, q = b - a, c - a
-    area = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
-    # With y down, counter-clockwise is negative. What is a millionth of the usual triangle is a line.
-    return np.asarray(area < -1e-6 * np.median(np.abs(area)) if len(area) else np.zeros(0, bool))
+def _around(places: Doubles, corners: Doubles, faces: Ints) -> NDArray[np.bool_]:
+    """(M,): faces that show in the squares around places (P, 2), px, or have a corner there."""
+    low = np.append(np.floor(np.minimum(corners[:, :2].min(axis=0), places.min(axis=0))), 0.0)
+    width, height = (np.maximum(corners[:, :2].max(axis=0), places.max(axis=0)) - low[:2]).astype(int) + 2
+    there = np.zeros((height, width), np.uint8)
+    x, y = np.rint(places - low[:2]).astype(int).T
+    there[y, x] = 1
+    there = cv2.dilate(there, np.ones((_FIXED_PX, _FIXED_PX), np.uint8))
+    x, y = np.rint(corners - low).astype(int)[:, :2].T
+    found = (there[y, x] != 0)[faces].any(axis=1)
+    owner = height_and_owner(corners - low, faces, (width, height))[1]
+    found[owner[(there != 0) & (owner >= 0)]] = True
+    return np.asarray(found)

@@ -13,6 +13,7 @@ from stereo_gpu.texture import bake_texture, project
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.types import Floats, Mesh, RectifiedPair, Surface, View
 from stereo_gpu.unwrap import Unwrapped, unwrap
+from stereo_gpu.view_frame import ViewFrame
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,7 +22,7 @@ class Model:
 
     Args:
         surface: as it comes from the disparity map.
-        smoothed: decimated and smoothed.
+        smoothed: smoothed and decimated.
         unwrapped: the same with texture coordinates.
         mesh: the same with its texture.
     """
@@ -60,6 +61,7 @@ def build_model(
         StageError: nothing is left to make a mesh of.
     """
     centre = (pair.baseline if view is View.RIGHT else 0.0, 0.0, 0.0)
+    frame = ViewFrame(pair.focal_px, pair.baseline, centre)
     with watch.step("mesh"):
         surface = build_mesh(
             values,
@@ -72,10 +74,12 @@ def build_model(
             centre=centre,
             infinity_px=pair.cx_left - pair.cx_right,
         )
-    with watch.step("decimate"):
-        decimated = decimate(surface, options.faces, centre=centre) if options.faces else surface
     with watch.step("smooth"):
-        smoothed = fair(decimated, iterations=options.smoothing, centre=centre)
+        smoothed = fair(surface, frame, iterations=options.smoothing)
+    with watch.step("decimate"):
+        # After smoothing: triangles spent on noise would be missing elsewhere.
+        if options.faces or options.decimate_error:
+            smoothed = decimate(smoothed, options.faces, frame, error=options.decimate_error)
     with watch.step("unwrap"):
         seen = project(smoothed.vertices, pair, view)[:, :2]
         unwrapped = unwrap(smoothed, seen, method=options.unwrap, time_limit_s=options.unwrap_seconds)
