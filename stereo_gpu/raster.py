@@ -125,11 +125,13 @@ def shrink_by_halves(texture: Bytes) -> tuple[Bytes, int]:
     Source: L. Williams, "Pyramidal Parametrics", SIGGRAPH 1983.
 
     Returns:
-        All texels as (K, 3), and how many pictures they are.
+        All texels and a black one behind the last, which kernels may read and pass over, (K, 3); and how many pictures
+        they are.
     """
     levels = [np.ascontiguousarray(texture)]
     while levels[-1].shape[:2] != (1, 1):
         height, width = levels[-1].shape[:2]
         half = ((width + 1) // 2, (height + 1) // 2)
         levels.append(np.asarray(cv2.resize(levels[-1], half, interpolation=cv2.INTER_AREA), np.uint8))
-    return np.concatenate([level.reshape(-1, 3) for level in levels]), len(levels)
+    behind = np.zeros((1, 3), np.uint8)
+    return np.concatenate([*(level.reshape(-1, 3) for level in levels), behind]), len(levels)

@@ -1,6 +1,14 @@
 // Paint the triangles that a picture shows: the form for CPUs, whose work-items own a band of rows each.
 #include "lanes.h"
 #include "triangle.h"
+
+// Four bytes at once, of which the last one belongs to the next texel: behind the last texel lies one more.
+typedef uchar loose_four __attribute__((ext_vector_type(4), aligned(1)));
+inline float4 load_texel(__global const uchar *level, int at)
+{
+    return __builtin_convertvector(*(__global const loose_four *)(level + at * 3), float4);
+}
+#define TEXEL load_texel
 #include "shade_pixel.h"
 
 // What shade.cl computes.

@@ -1,24 +1,19 @@
-// One pixel of shade; needs triangle.h.
+// One pixel of shade; needs triangle.h. TEXEL may be defined as another way to load a texel.
 
-typedef struct {
-    float red, green, blue;
-} Colour;
+// Red, green, blue, and what is of no account.
+typedef float4 Colour;
 
-inline Colour mix_colours(Colour one, Colour other, float share)
+inline Colour mix_colours(Colour one, Colour other, float share) { return one * (1.0f - share) + other * share; }
+
+inline Colour colour_at(__global const uchar *colours, int at)
 {
-    float rest = 1.0f - share;
-    Colour mixed = {
-        one.red * rest + other.red * share, one.green * rest + other.green * share,
-        one.blue * rest + other.blue * share};
-    return mixed;
+    __global const uchar *rgb = colours + at * 3;
+    return (Colour)((float)rgb[0], (float)rgb[1], (float)rgb[2], 0.0f);
 }
 
-inline Colour texel(__global const uchar *level, int at)
-{
-    __global const uchar *rgb = level + at * 3;
-    Colour colour = {(float)rgb[0], (float)rgb[1], (float)rgb[2]};
-    return colour;
-}
+#ifndef TEXEL
+#define TEXEL colour_at
+#endif
 
 // Bilinear colour at (u, v) in 0..1 of one level of a texture, its edge repeated.
 inline Colour sample_level(__global const uchar *level, int width, int height, float u, float v)
@@ -28,8 +23,8 @@ inline Colour sample_level(__global const uchar *level, int width, int height, f
     float across = column - (float)x, down = row - (float)y;
     int left = clamp_index(x, width), right = clamp_index(x + 1, width);
     int top = clamp_index(y, height) * width, bottom = clamp_index(y + 1, height) * width;
-    Colour upper = mix_colours(texel(level, top + left), texel(level, top + right), across);
-    Colour lower = mix_colours(texel(level, bottom + left), texel(level, bottom + right), across);
+    Colour upper = mix_colours(TEXEL(level, top + left), TEXEL(level, top + right), across);
+    Colour lower = mix_colours(TEXEL(level, bottom + left), TEXEL(level, bottom + right), across);
     return mix_colours(upper, lower, down);
 }
 
@@ -66,20 +61,31 @@ inline float ink_at(Triangle t, Shares s, float wire)
     return line * within(least(a, b, c) / (10.0f * wire), 0.12f, 0.8f);
 }
 
-// Colour of the sample at (x, y) of a triangle.
-inline Colour shade_sample(
-    Triangle t, __global const float *a, __global const float *b, __global const float *c,
-    __global const uchar *texture, int texture_width, int texture_height, int texture_levels, float behind,
-    Shares s)
+// A face with what the samples in it share.
+typedef struct {
+    Triangle t;
+    float au, av, bu, bv, cu, cv;
+    float texels; // that a sample covers
+} Face;
+
+inline Face load_face(
+    __global const float *screen, __global const int *faces, __global const float *uv, int texture_width,
+    int texture_height, int face)
 {
-    // What is linear in space is not so in the picture: shares count by 1 / depth.
-    float wa = s.a * t.az, wb = s.b * t.bz, wc = s.c * t.cz, whole = wa + wb + wc;
-    float u = (wa * a[0] + wb * b[0] + wc * c[0]) / whole, v = (wa * a[1] + wb * b[1] + wc * c[1]) / whole;
+    Face f;
+    f.t = load_triangle(screen, faces, face);
+    __global const float *a = uv + (long)faces[face * 3L] * 2, *b = uv + (long)faces[face * 3L + 1] * 2;
+    __global const float *c = uv + (long)faces[face * 3L + 2] * 2;
     float laid = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
-    float texels = laid * (float)texture_width * (float)texture_height / t.area;
-    texels = texels < 0.0f ? -texels : texels;
-    v += t.area > 0.0f ? behind : 0.0f;
-    return sample_texture(texture, texture_width, texture_height, texture_levels, u, v, texels);
+    float texels = laid * (float)texture_width * (float)texture_height / f.t.area;
+    f.texels = texels < 0.0f ? -texels : texels;
+    f.au = a[0];
+    f.av = a[1];
+    f.bu = b[0];
+    f.bv = b[1];
+    f.cu = c[0];
+    f.cv = c[1];
+    return f;
 }
 
 // What shade.cl computes for the pixel (x, y).
@@ -88,28 +94,32 @@ inline void shade_pixel(
     __global const uchar *texture, __global const uchar *colours, int texture_width, int texture_height,
     int texture_levels, float behind, float wire, int samples, int width, int x, int y, __global uchar *picture_out)
 {
-    Colour background = texel(colours, 0), ink = texel(colours, 1), sum = {0.0f, 0.0f, 0.0f};
+    Colour background = colour_at(colours, 0), ink = colour_at(colours, 1), sum = (Colour)(0.0f);
+    Face f;
+    int held = -1; // the face that is loaded: mostly a pixel has but one
     for (int row = y * samples; row < (y + 1) * samples; row++) {
         for (int column = x * samples; column < (x + 1) * samples; column++) {
             int face = owner[row * width * samples + column] - 1;
             Colour colour = background;
             if (face >= 0) {
-                Triangle t = load_triangle(screen, faces, face);
-                Shares s = shares_at(t, (float)column, (float)row);
-                __global const float *a = uv + (long)faces[face * 3L] * 2, *b = uv + (long)faces[face * 3L + 1] * 2;
-                __global const float *c = uv + (long)faces[face * 3L + 2] * 2;
-                colour = shade_sample(
-                    t, a, b, c, texture, texture_width, texture_height, texture_levels, behind, s);
-                if (wire > 0.0f) colour = mix_colours(colour, ink, ink_at(t, s, wire));
+                if (face != held)
+                    f = load_face(screen, faces, uv, texture_width, texture_height, face);
+                held = face;
+                Shares s = shares_at(f.t, (float)column, (float)row);
+                // What is linear in space is not so in the picture: shares count by 1 / depth.
+                float wa = s.a * f.t.az, wb = s.b * f.t.bz, wc = s.c * f.t.cz, whole = wa + wb + wc;
+                float u = (wa * f.au + wb * f.bu + wc * f.cu) / whole;
+                float v = (wa * f.av + wb * f.bv + wc * f.cv) / whole;
+                v += f.t.area > 0.0f ? behind : 0.0f;
+                colour = sample_texture(texture, texture_width, texture_height, texture_levels, u, v, f.texels);
+                if (wire > 0.0f) colour = mix_colours(colour, ink, ink_at(f.t, s, wire));
             }
-            sum.red += colour.red;
-            sum.green += colour.green;
-            sum.blue += colour.blue;
+            sum += colour;
         }
     }
     float share = 1.0f / (float)(samples * samples);
     __global uchar *rgb = picture_out + ((long)y * width + x) * 3;
-    rgb[0] = (uchar)(sum.red * share + 0.5f);
-    rgb[1] = (uchar)(sum.green * share + 0.5f);
-    rgb[2] = (uchar)(sum.blue * share + 0.5f);
+    rgb[0] = (uchar)(sum.x * share + 0.5f);
+    rgb[1] = (uchar)(sum.y * share + 0.5f);
+    rgb[2] = (uchar)(sum.z * share + 0.5f);
 }
