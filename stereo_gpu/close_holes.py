@@ -21,6 +21,7 @@ SLACK = 2.0
 RIM = 4  # px of the surface next to a hole, whose slope tells whether the other end is on it
 STEEPEST = 1.5  # px a pixel, of a surface: what is steeper is a jump
 PASSES = 8  # of the membrane: it evens out rows, and does not flatten what the matcher knew better
+TOOTH = 5  # px: what is narrower goes, be it ever so short
 CORNER = 0.3  # of the square of a disc's radius: what the disc leaves of a right-angled corner is 1 - pi / 4
 
 _Mask = NDArray[np.bool_]
@@ -90,7 +91,8 @@ def _find_small(hole: _Mask, measured: _Mask, largest: int | None) -> _Mask:
     if largest == 0 or not measured.any():
         return np.zeros_like(hole)
     away = cv2.distanceTransform((~measured).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
-    small = hole if largest is None else _narrow(hole, away, math.sqrt(largest / math.pi))
+    # Half a pixel more, which is how far the next pixel's middle lies beyond the disc.
+    small = hole if largest is None else _narrow(hole, away, math.sqrt(largest / math.pi) + 0.5)
     far = small & (away > REACH)
     return small & ~(far & ~_bounded(measured)) if far.any() else small
 
@@ -121,7 +123,7 @@ def _seen_by_both(disparity: Disparity, max_jump_px: float) -> _Mask:
 
 def _narrow(hole: _Mask, away: Floats, radius: float) -> _Mask:
     """(H, W): where a disc cannot get that rolls through the holes; `away` is how far it is to what was measured."""
-    core = hole & (away > radius + 0.5)  # which is where the next pixel, a measured one, begins
+    core = hole & (away > radius)
     if not core.any():
         return hole
     to_core = cv2.distanceTransform((~core).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
@@ -129,10 +131,13 @@ def _narrow(hole: _Mask, away: Floats, radius: float) -> _Mask:
     # A wide hole keeps its corners.
     _, part = cv2.connectedComponents(narrow.view(np.uint8), ltype=cv2.CV_32S)
     beside = cv2.dilate((hole & ~narrow).view(np.uint8), np.ones((3, 3), np.uint8))
-    corner = np.bincount(part.ravel()) < CORNER * radius * radius
+    corner = np.bincount(part.ravel()) < CORNER * radius * radius + 1
     of_wide = np.zeros_like(corner)
     of_wide[part[(beside != 0) & narrow]] = True
-    return np.asarray(narrow & ~(corner & of_wide)[part])
+    # But its outline has no teeth.
+    side = max(1, min(TOOTH, math.floor(radius)))
+    blunt = cv2.morphologyEx(hole.view(np.uint8), cv2.MORPH_OPEN, np.ones((side, side), np.uint8))
+    return np.asarray(hole & (narrow & ~(corner & of_wide)[part] | (blunt == 0)))
 
 
 def _bounded(measured: _Mask) -> _Mask:

@@ -148,7 +148,8 @@ class MeshOptions:
         method: "bounded" (few triangles within `error_px` of the map) or "dense" (two a pixel).
         error_px: how far the bounded mesh may lie from a pixel's disparity, px.
         max_jump_px: disparity difference over which two pixels are not on one surface, px.
-        largest_hole: holes of up to so many pixels are closed along their surface; 0 for none, None for all.
+        largest_hole: holes of up to so many pixels, and narrow parts of larger ones, are closed along their surface; 0
+            for none, None for all.
         smallest_part: a connected part that covers less than this many pixels is dropped.
         faces: number of triangles to decimate to; 0 keeps them all.
         decimate_error: or how far decimation may move the surface, in the rig's unit; None for `faces` alone.

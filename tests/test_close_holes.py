@@ -87,6 +87,21 @@ def test_a_narrow_part_of_a_large_hole_is_closed():
     assert np.isnan(closed.values[32:58, 42:68]).all()
 
 
+def test_a_ragged_outline_of_a_large_hole_is_closed_to_a_plain_one():
+    validity = LARGE.copy()
+    validity[26:30, 41:69:5] = NO_VALUE  # teeth, 4 px long and 1 px wide
+    closed = close_holes(disparity_map(TABLE, validity), largest=400)
+    np.testing.assert_allclose(closed.values[26:30], TABLE[26:30], atol=0.1)
+    assert np.isnan(closed.values[34:60, 44:66]).all()
+
+
+def test_a_small_bound_is_kept():
+    validity = with_hole(slice(30, 33), slice(40, 43)) | with_hole(slice(50, 51), slice(20, 22))
+    closed = close_holes(disparity_map(TABLE, validity), largest=2)
+    assert np.isnan(closed.values[30:33, 40:43]).all()
+    assert np.isfinite(closed.values[50, 20:22]).all()
+
+
 @pytest.mark.parametrize("filled", [0, FILLED])
 def test_nothing_is_put_between_two_surfaces(filled):
     """A crack along the outline of a nearer thing takes what lies behind, and the jump stays a jump."""

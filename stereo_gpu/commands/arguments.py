@@ -107,7 +107,7 @@ def add_model(parser: argparse.ArgumentParser) -> None:
         type=_hole,
         default=400,
         metavar="PIXELS",
-        help="holes of up to so many pixels are closed along the surface; none, or all (%(default)s)",
+        help="holes of up to so many pixels, and narrow ones, are closed along the surface; none, or all (%(default)s)",
     )
     parser.add_argument(
         "--smallest-part", type=int, default=150, metavar="PIXELS", help="loose parts under this go (%(default)s)"
