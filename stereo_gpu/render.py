@@ -63,7 +63,7 @@ def render(
     Raises:
         StageError: the model has no face to draw.
         InputError: a size below 1 or too large, an unknown shading, or texture asked of a Surface.
-        BackendError: the device is missing or fails.
+        BackendError: the device is missing, too small or fails.
     """
     renderer = Renderer(
         model, size=size, shading=shading, background=background, supersample=supersample, device=device
@@ -98,6 +98,10 @@ class Renderer:
         self._samples = supersample
         self._vertices, self._spread = vertices, spread(vertices, faces)
         self._device = open_backend() if device is None else device
+        samples = self._inner[0] * self._inner[1]
+        # Depths and triangles of the samples, the picture, and as much again as the model.
+        needed = 8 * samples + 3 * size[0] * size[1] + 24 * len(faces) + 40 * len(vertices)
+        self._device.check_memory(needed, 4 * samples, "draw a smaller picture")
         self._faces = self._device.upload(np.ascontiguousarray(faces, np.int32))
         textured = isinstance(model, Mesh) and self._shading is Shading.TEXTURE
         self._normals = None if textured else _normals(vertices, faces)

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from stereo_gpu.backends import open_backend
-from stereo_gpu.errors import InputError, StageError
+from stereo_gpu.errors import InputError, MemoryLimitError, StageError
 from stereo_gpu.render import BACKGROUND, bring_in_front, render
 from stereo_gpu.render_points import render_points
 from stereo_gpu.types import Mesh, Surface
@@ -250,6 +250,14 @@ def test_a_model_far_from_the_origin_is_brought_in_front():
     assert moved.vertices[:, 2].min() > 0
     np.testing.assert_allclose(np.ptp(moved.vertices, axis=0), 100, rtol=1e-5)
     assert (render(moved, size=(90, 90))[45, 45] == SIDES[0][1]).all()
+
+
+def test_a_picture_too_large_for_the_device_is_refused(monkeypatch):
+    device = open_backend("warp:cpu")
+    monkeypatch.setattr(device, "available_bytes", lambda: (10_000_000, 10_000_000))
+    assert render(bump(12, 9), size=(300, 300), device=device).shape == (300, 300, 3)
+    with pytest.raises(MemoryLimitError, match="draw a smaller picture"):
+        render(bump(12, 9), size=(800, 600), device=device)
 
 
 def test_errors():

@@ -88,7 +88,7 @@ def run(options: argparse.Namespace) -> None:
                 progress=progress.filmed,
             )
         size = options.turntable.stat().st_size
-        print(f"{options.turntable}: {options.seconds:g} s, {size / 1e6:.1f} MB")
+        print(f"{options.turntable}: {options.seconds:g} s, {size / 1e6:.3g} MB")
 
 
 def pair_angles(yaws: list[float], pitches: list[float]) -> list[tuple[float, float]]:
