@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from stereo_gpu.errors import InputError, StageError
 from stereo_gpu.types import Doubles, Floats, Ints, Surface
 from stereo_gpu.unwrap_charts import find_charts, signed_areas, tiles_of
-from stereo_gpu.unwrap_pack import CELL, find_cells, pack
+from stereo_gpu.unwrap_pack import find_cells, pack
 from stereo_gpu.unwrap_parts import parts
 from stereo_gpu.unwrap_pool import LateError, NoAnswerError, shared_pool
 
@@ -170,7 +170,7 @@ def _packed_view(
     count, label = cv2.connectedComponents(mask, connectivity=8)
     if count == 2:  # one of them is the background
         return whole
-    column, row = ((texels[surface.faces[:, 0]] - cells.corner[0]) // CELL).astype(np.intp).T
+    column, row = ((texels[surface.faces[:, 0]] - cells.corner[0]) // cells.side).astype(np.intp).T
     chart = label[row, column] - 1
     packed = pack(shared_pool(), texels, surface.faces, chart, padding, deadline - time.monotonic())
     if max(packed.size) > max_size or math.prod(packed.size) >= math.prod(whole.size):
@@ -237,5 +237,5 @@ def _largest_fitting(corners: Doubles, chart: _Indices, padding: int, max_size: 
     first = np.append(0, np.flatnonzero(np.diff(chart[order])) + 1)
     low = np.minimum.reduceat(corners.min(axis=1)[order], first)
     high = np.maximum.reduceat(corners.max(axis=1)[order], first)
-    room = max_size - 2 * (padding + 2 * CELL)
+    room = max_size - 2 * (padding + 8)
     return max(room, 1) / float(max((high - low).max(), 1.0))

@@ -15,7 +15,9 @@ _Indices = NDArray[np.integer]
 
 # Side of a cell, texels: as coarse as the gutter, so that little is lost, and a sixteenth of the work. A texel of the
 # second mip level is a cell, and belongs to one chart.
-CELL = 4
+_CELL = 4
+# With more cells than these they are made larger: packing takes as long as there are cells, times charts.
+_MOST_CELLS = 40_000
 
 
 @dataclass(frozen=True)
@@ -25,12 +27,10 @@ class Packed:
     Args:
         offset: (C, 2) whole texels to add to a chart's texel coordinates.
         size: (width, height) of the atlas, texels.
-        cells: how many cells of CELL x CELL texels the charts touch.
     """
 
     offset: NDArray[np.int64]
     size: tuple[int, int]
-    cells: int
 
 
 @dataclass(frozen=True)
@@ -38,6 +38,7 @@ class Cells:
     """The cells that charts touch, each chart in a rectangle of its own whose corner is a whole texel.
 
     Args:
+        side: of a cell, texels.
         corner: (C, 2) int64, the texel at which a chart's first cell begins.
         extent: (C, 2) int64, columns and rows of cells.
         base: (C + 1,) int64, where each chart's rectangle begins among all of them, row after row, with an empty column
@@ -45,6 +46,7 @@ class Cells:
         touched: (K,) int64, the touched cells in this order.
     """
 
+    side: int
     corner: NDArray[np.int64]
     extent: NDArray[np.int64]
     base: NDArray[np.int64]
@@ -57,24 +59,26 @@ class Cells:
         return chart, column, row
 
 
-def find_cells(texels: Doubles, faces: Ints, chart: _Indices, grow: int = 0) -> Cells:
+def find_cells(texels: Doubles, faces: Ints, chart: _Indices, padding: int = 0) -> Cells:
     """Find the cells that charts touch.
 
     Args:
         texels: (N, 2) of the vertices, each in one chart alone; the centre of a texel is a whole number.
         faces: (M, 3).
         chart: (M,) the chart of each face, every number from 0 up in use.
-        grow: cells to add to the right and below.
+        padding: texels to keep between charts: if more than a cell, cells to the right and below count as touched.
     """
     a, b, c = (texels[faces[:, i]] for i in range(3))
+    side = _side(a, b, c)
+    grow = _gutter(padding, side) - 1
     low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
     order = np.argsort(chart, kind="stable")
     first = np.append(0, np.flatnonzero(np.diff(chart[order])) + 1)
     # Whole cells, so that the first two levels of a mip map average the same texels in every chart, and fit at seams.
-    corner = CELL * np.floor(np.minimum.reduceat(low[order], first) / CELL).astype(np.int64)
+    corner = _CELL * np.floor(np.minimum.reduceat(low[order], first) / _CELL).astype(np.int64)
     origin = corner[chart]
-    c0 = ((low - origin) // CELL).astype(np.int64)
-    c1 = ((high - origin) // CELL).astype(np.int64) + grow
+    c0 = ((low - origin) // side).astype(np.int64)
+    c1 = ((high - origin) // side).astype(np.int64) + grow
     extent = np.maximum.reduceat(c1[order], first) + 1
     stride = extent[:, 0] + 1
     base = np.append(0, np.cumsum(stride * (extent[:, 1] + 1)))
@@ -87,12 +91,27 @@ def find_cells(texels: Doubles, faces: Ints, chart: _Indices, grow: int = 0) -> 
     # Of a triangle that spans no more than two cells either way, the cells of its rectangle will do.
     doubtful = np.flatnonzero((np.minimum(wide[:, 0], wide[:, 1]) > 2 + grow)[face])
     of = face[doubtful]
-    inside = tuple((point[of] - origin[of]) / CELL for point in (a, b, c))
+    inside = tuple((point[of] - origin[of]) / side for point in (a, b, c))
     keep = np.ones(len(face), bool)
     keep[doubtful[_beside(inside, column[doubtful], row[doubtful], grow)]] = False
     mask = np.zeros(base[-1], bool)
     mask[(base[chart[face]] + row * stride[chart[face]] + column)[keep]] = True
-    return Cells(corner=corner, extent=extent, base=base, touched=np.flatnonzero(mask))
+    return Cells(side=side, corner=corner, extent=extent, base=base, touched=np.flatnonzero(mask))
+
+
+def _side(a: Doubles, b: Doubles, c: Doubles) -> int:
+    """The side of a cell for triangles of these corners."""
+    p, q = b - a, c - a
+    area = 0.5 * float(np.abs(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]).sum())
+    side = _CELL
+    while area > _MOST_CELLS * side**2:
+        side *= 2
+    return side
+
+
+def _gutter(padding: int, side: int) -> int:
+    """How many cells keep charts so many texels apart."""
+    return max(-(-padding // side), 1)
 
 
 def _beside(corners: Sequence[Doubles], column: _Indices, row: _Indices, grow: int) -> NDArray[np.bool_]:
@@ -124,8 +143,7 @@ def pack(pool: WorkerPool, texels: Doubles, faces: Ints, chart: _Indices, paddin
     Raises:
         NoAnswerError: xatlas did not pack them.
     """
-    gutter = max(-(-padding // CELL), 1)
-    cells = find_cells(texels, faces, chart, gutter - 1)
+    cells = find_cells(texels, faces, chart, padding)
     corners, rectangles, first = _rectangles(cells)
     arrays = {"corners": corners.astype(np.float32), "faces": rectangles.astype(np.uint32), "first": first}
     (answer,) = pool.ask([Question("pack", arrays)], time_limit_s=time_limit_s)
@@ -139,12 +157,11 @@ def pack(pool: WorkerPool, texels: Doubles, faces: Ints, chart: _Indices, paddin
     inside = (x >= 0) & (x < columns) & (y >= 0) & (y < rows)
     if not inside.all() or np.bincount(y * columns + x).max() > 1:
         raise NoAnswerError("xatlas put charts on top of each other")
-    margin = CELL * gutter if padding else 0
+    margin = cells.side * _gutter(padding, cells.side) if padding else 0
     shift = np.column_stack([moved[:, 0] + _canvas(cells), moved[:, 1]])
     return Packed(
-        offset=shift * CELL + margin - cells.corner,
-        size=(columns * CELL + margin, rows * CELL + margin),
-        cells=len(of),
+        offset=shift * cells.side + margin - cells.corner,
+        size=(columns * cells.side + margin, rows * cells.side + margin),
     )
 
 

@@ -9,6 +9,7 @@ from stereo_gpu.errors import InputError, StageError
 from stereo_gpu.mesh import build_mesh
 from stereo_gpu.types import Surface
 from stereo_gpu.unwrap import unwrap
+from stereo_gpu.unwrap_pack import find_cells
 from stereo_gpu.unwrap_parts import parts
 
 SHIFT = (50.0, 40.0)
@@ -256,3 +257,13 @@ def test_what_cannot_be_unwrapped(scene, view_uv):
         unwrap(scene, view_uv * np.nan)
     with pytest.raises(StageError, match="without faces"):
         unwrap(Surface(vertices=scene.vertices, faces=scene.faces[:0]), view_uv)
+
+
+def test_a_large_picture_has_no_more_cells_than_a_small_one(scene, view_uv):
+    chart = parts(scene.faces, len(scene.vertices))
+    small, large = (find_cells(view_uv * scale, scene.faces, chart) for scale in (1, 64))
+    assert small.side == 4 and large.side == 32
+    assert len(large.touched) < 1.2 * 40_000
+    middles = ((view_uv * 64)[scene.faces].mean(axis=1) - large.corner[chart]) // 32
+    at = large.base[chart] + middles[:, 1] * (large.extent[chart, 0] + 1) + middles[:, 0]
+    assert np.isin(at, large.touched).all()
