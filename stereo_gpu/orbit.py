@@ -15,7 +15,8 @@ from stereo_gpu.types import Doubles, Ints
 
 _SAMPLES = 20_000  # points that the framing looks at
 _FACES = 50_000  # faces that they are drawn from: of more, every so many
-_OUTLIERS = 1.0  # per cent left out at either end of each axis when framing
+# Per cent left out at either end of each axis when framing: matches that are wrong, in a cloud, and bits of a mesh.
+CLOUD_OUTLIERS, MESH_OUTLIERS = 1.0, 0.2
 _MARGIN = 1.08  # the frame against the box of what is left
 _NEAREST = 0.05  # what comes closer to the camera than this part of the pivot's depth is not drawn
 
@@ -51,22 +52,27 @@ class Orbit:
         return screen, np.where(near, z, 0.0)
 
 
-def orbit(points: Doubles, size: tuple[int, int], *, yaw: float = 0.0, pitch: float = 0.0) -> Orbit:
+def orbit(
+    points: Doubles, size: tuple[int, int], *, yaw: float = 0.0, pitch: float = 0.0, outliers: float = MESH_OUTLIERS
+) -> Orbit:
     """Turn about the median of the points and choose the focal length so that they fill the picture.
 
     Args:
-        points: (N, 3) with depths > 0; the outermost 1 % on each side do not count.
+        points: (N, 3) with depths > 0.
         size: (width, height) of the picture, px.
         yaw: degrees that the camera walks to its right around the points.
         pitch: degrees that it rises above them.
+        outliers: per cent of the points that may lie outside on each side.
 
     Raises:
         StageError: all points end up behind the camera.
     """
-    return frame(points, size, [(yaw, pitch)])[0]
+    return frame(points, size, [(yaw, pitch)], outliers=outliers)[0]
 
 
-def frame(points: Doubles, size: tuple[int, int], views: Sequence[tuple[float, float]]) -> list[Orbit]:
+def frame(
+    points: Doubles, size: tuple[int, int], views: Sequence[tuple[float, float]], *, outliers: float = MESH_OUTLIERS
+) -> list[Orbit]:
     """The same for several views (yaw, pitch), degrees, with one focal length that fits them all.
 
     Raises:
@@ -81,7 +87,7 @@ def frame(points: Doubles, size: tuple[int, int], views: Sequence[tuple[float, f
         if not len(turned):
             raise StageError(f"yaw {yaw} and pitch {pitch} leave all of it behind the camera: choose smaller ones")
         rays = turned[:, :2] / turned[:, 2:]
-        bounds.append(np.percentile(rays, [_OUTLIERS, 100 - _OUTLIERS], axis=0))
+        bounds.append(np.percentile(rays, [outliers, 100 - outliers], axis=0))
     extent = np.maximum(np.max([high - low for low, high in bounds], axis=0) * _MARGIN, 1e-6)
     focal = float(min(size[0] / extent[0], size[1] / extent[1]))
     middle = (np.array(size) - 1) / 2

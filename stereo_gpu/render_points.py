@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from stereo_gpu.errors import InputError, StageError
-from stereo_gpu.orbit import orbit
+from stereo_gpu.orbit import CLOUD_OUTLIERS, orbit
 from stereo_gpu.render import BACKGROUND, Colour, check_size
 from stereo_gpu.types import Bytes, Floats
 
@@ -54,7 +54,7 @@ def render_points(
     good = good[:: -(-len(good) // _MOST)]
     seen = np.stack([x[good], y[good], z[good]]).astype(np.float64).T
     inner = (size[0] * supersample, size[1] * supersample)
-    camera = orbit(seen[:: max(1, len(seen) // _FRAMED)], inner, yaw=yaw, pitch=pitch)
+    camera = orbit(seen[:: max(1, len(seen) // _FRAMED)], inner, yaw=yaw, pitch=pitch, outliers=CLOUD_OUTLIERS)
     screen, depth = camera.see(seen)
     # Squares as large as the points lie apart, so that the cloud is dense but still seen to be points.
     apart = (0.8 * inner[0] * inner[1] / len(seen)) ** 0.5
