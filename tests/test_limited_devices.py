@@ -21,6 +21,7 @@ import test_plane_kernels
 import test_raster
 import test_smooth_path_kernels
 import test_split_triangles
+import test_texture_kernels
 from conftest import missing
 from test_smooth_path_kernels import PENALTIES
 
@@ -69,6 +70,7 @@ def kernel_tests():
         test_raster,
         test_smooth_path_kernels,
         test_split_triangles,
+        test_texture_kernels,
     )
     for module in modules:
         for name, test in vars(module).items():
