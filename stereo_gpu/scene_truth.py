@@ -160,7 +160,7 @@ def measure_surface(
         pair: the rectified pair that was matched.
         points: (H, W, 3) mm, frame of the rectified left camera, NaN where there is none.
         reference: the view that they are laid out on.
-        vertices: (N, 3) of a mesh, same frame.
+        vertices: (N, 3) of a mesh, or points on it, same frame.
 
     Returns:
         coverage: share of those pixels that have a point.
