@@ -7,6 +7,7 @@ import math
 import os
 import struct
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -193,6 +194,7 @@ def _camera(camera: Standpoint, metres: float, positions: Floats, nodes: Any) ->
     }
 
 
+@cache  # looked up in files, which takes 3 ms
 def _generator() -> str:
     try:
         return f"stereo-gpu {version('stereo-gpu')}"

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import json
 import math
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -150,7 +151,7 @@ class Reconstruction:
         """What result.json holds: all that is needed to make this result again, and what came out."""
         values = self.disparity.values
         return {
-            "package": f"stereo-gpu {importlib.metadata.version('stereo-gpu')}",
+            "package": _package(),
             "inputs": self.inputs,
             "options": self.options,
             "backend": self.disparity.backend,
@@ -291,3 +292,8 @@ class Reconstruction:
                 "Package": record["package"],
             },
         }
+
+
+@cache  # looked up in files, which takes 3 ms
+def _package() -> str:
+    return f"stereo-gpu {version('stereo-gpu')}"

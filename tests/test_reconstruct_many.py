@@ -80,6 +80,14 @@ def test_what_is_wrong_is_refused_before_any_process_starts(files, small_scene):
         list(sg.reconstruct_many(["one.png"], rig, **QUICK))
 
 
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="reads its memory from /proc")
+def test_memory_does_not_grow_with_the_pairs(files, small_scene):
+    found = sg.reconstruct_many([files] * 40, small_scene.rig, workers=1, then=worker_tasks.memory, **QUICK)
+    held = [outcome.result for outcome in found]
+    # One pair's arrays are about 5 MB: a leak of one of them in three pairs would show.
+    assert max(held[30:]) < max(held[8:16]) + 20e6
+
+
 def test_leaving_early_ends_the_processes(files, small_scene):
     endless = iter(lambda: files, None)
     found = sg.reconstruct_many(endless, small_scene.rig, workers=2, then=worker_tasks.triangles, **QUICK)

@@ -125,6 +125,8 @@ class _Tally:
         self.made = self.skipped = self.failed = self.warned = 0
 
     def __enter__(self) -> _Tally:
+        if self._drawn:
+            self._draw()
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -146,15 +148,18 @@ class _Tally:
             self.warned += bool(done.warnings)
         last = len(self) == self._total
         if self._drawn and (last or now - self._told >= REDRAW_S):
-            full = BAR_WIDTH * len(self) // self._total
-            bar = "#" * full + "." * (BAR_WIDTH - full)
-            print(f"{CLEAR_LINE}[{bar}] {self._words()}", end="", file=sys.stderr, flush=True)
+            self._draw()
             self._told = now
         elif not self._drawn and (
             last or now - self._told >= TELL_S or 10 * len(self) // self._total > 10 * before // self._total
         ):
             print(f"stereo-gpu: {self._words()}", file=sys.stderr, flush=True)
             self._told = now
+
+    def _draw(self) -> None:
+        full = BAR_WIDTH * len(self) // self._total
+        bar = "#" * full + "." * (BAR_WIDTH - full)
+        print(f"{CLEAR_LINE}[{bar}] {self._words()}", end="", file=sys.stderr, flush=True)
 
     def __len__(self) -> int:
         return self.made + self.skipped + self.failed
@@ -165,7 +170,8 @@ class _Tally:
         rate = (len(self._recent) - 1) / taken if taken > 0 else 0.0
         left = f", {_time((self._total - len(self)) / rate)} left" if rate > 0 and len(self) < self._total else ""
         failed = f", {self.failed} failed" if self.failed else ""
-        return f"{len(self)} of {self._total} pairs{failed}, {_rate(rate)}{left}"
+        speed = f", {_rate(rate)}{left}" if rate > 0 else ""
+        return f"{len(self)} of {self._total} pairs{failed}{speed}"
 
     def clear(self) -> None:
         """Leave the line of the bar empty."""
