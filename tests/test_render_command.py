@@ -47,7 +47,10 @@ def test_a_film(capsys, tmp_path, model):
     said = capsys.readouterr()
     assert said.out.startswith(f"{out}: 0.4 s, ") and "4 of 4 pictures drawn" in said.err
     with Image.open(out) as film:
-        assert film.n_frames == 4
+        assert film.n_frames == 4 and film.size == (40, 30)
+    assert main(["render", model, "--turntable", str(out), "--seconds", "0.2", "--fps", "10"]) == 0
+    with Image.open(out) as film:
+        assert film.size == (640, 480)
 
 
 def test_a_model_of_another_program_is_seen_from_the_front(tmp_path):

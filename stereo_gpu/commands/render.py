@@ -9,6 +9,7 @@ from pathlib import Path
 from stereo_gpu.commands.arguments import add_backend
 
 YAW, PITCH = 20.0, 8.0
+PICTURE, FILM = (1280, 960), (640, 480)  # px
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -25,7 +26,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--pitch", type=_angles, action="append", metavar="DEG", help=f"how far it rises ({PITCH:g}); one, or one a yaw"
     )
-    parser.add_argument("--size", type=_size, default=(1280, 960), metavar="1280x960", help="of the picture, px")
+    parser.add_argument("--size", type=_size, metavar="WxH", help="px; a picture has 1280x960, a film 640x480")
     parser.add_argument("--shading", default="texture", help="texture, plain or wire (%(default)s)")
     parser.add_argument(
         "--out", type=Path, metavar="FILE.png", help="picture to write; of several, FILE-1.png and so on"
@@ -68,7 +69,7 @@ def run(options: argparse.Namespace) -> None:
     device = open_backend(options.backend)
     if files:
         # Three by three samples a pixel: a picture that is looked at for long may take its time.
-        renderer = Renderer(mesh, size=options.size, shading=options.shading, supersample=3, device=device)
+        renderer = Renderer(mesh, size=options.size or PICTURE, shading=options.shading, supersample=3, device=device)
         for file, view in zip(files, views, strict=True):
             write_png(file, renderer.draw(renderer.cameras([view])[0]))
             print(f"{file}: yaw {view[0]:g}, pitch {view[1]:g} degrees")
@@ -77,7 +78,7 @@ def run(options: argparse.Namespace) -> None:
             turntable(
                 mesh,
                 options.turntable,
-                size=options.size,
+                size=options.size or FILM,
                 seconds=options.seconds,
                 fps=options.fps,
                 swing=options.swing,
