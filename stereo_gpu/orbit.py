@@ -16,7 +16,7 @@ from stereo_gpu.types import Doubles, Ints
 _SAMPLES = 20_000  # points that the framing looks at
 _FACES = 50_000  # faces that they are drawn from: of more, every so many
 # Per cent left out at either end of each axis when framing: matches that are wrong, in a cloud, and bits of a mesh.
-CLOUD_OUTLIERS, MESH_OUTLIERS = 1.0, 0.2
+CLOUD_OUTLIERS, MESH_OUTLIERS = 0.4, 0.2
 _MARGIN = 1.08  # the frame against the box of what is left
 _NEAREST = 0.05  # what comes closer to the camera than this part of the pivot's depth is not drawn
 

@@ -189,7 +189,7 @@ class Reconstruction:
             self.raw_left, self.raw_right, self.rig, self.checked.points_left, self.checked.points_right
         )
         device = open_backend(self.disparity.backend)
-        unwanted = "nothing was masked" if self.mask.all() else "what is dark was not matched"
+        unwanted = "nothing was masked" if self.mask.all() else "what is pale was not matched"
         return [
             Figure(
                 name="Originals",
