@@ -63,7 +63,7 @@ def bake_texture(
     corners = np.column_stack([texels, seen]).astype(np.float32)[unwrapped.faces]
     light, cell = decode_light(backend, picture, scale), 1.0
     pixels = _pixels_per_texel(corners)
-    while pixels > 1.5 * cell:
+    while pixels > 1.5 * cell and max(light.shape[:2]) > 1:
         light, cell = halve_light(backend, light), 2 * cell
     texture = backend.zeros((height, width, 4), np.uint16)
     places = _find_places(backend, corners, _REACH, 1.5 * _REACH * pixels, size)
