@@ -15,7 +15,8 @@ from stereo_gpu.types import Disparity, Floats, Validity
 
 AROUND = 2  # px around steep pixels that are drawn smooth with them
 FROM_EDGE = 12.0  # px: nothing is moved so near to what stays steep
-PASSES = 8  # of the membrane
+LARGEST_NOISE = 1.5  # px: over a larger step from one pixel to the next the membrane does not pull
+PASSES = 8  # of it
 
 _Mask = NDArray[np.bool_]
 
@@ -65,7 +66,8 @@ def level_spikes(
     near = cv2.dilate(cv2.morphologyEx(steep.view(np.uint8), cv2.MORPH_CLOSE, around), around)
     moved = (near != 0) & np.isfinite(values)
     smooth = values.copy()
-    relax(smooth, np.flatnonzero(moved), max_jump_px=max_jump_px, slack=1.0, passes=PASSES)
+    pull = min(max_jump_px, LARGEST_NOISE)
+    relax(smooth, np.flatnonzero(moved), max_jump_px=pull, slack=1.0, passes=PASSES)
     edge = moved & _steep(smooth, steepest, max_jump_px)
     if edge.any():
         moved &= cv2.distanceTransform((~edge).view(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5) > FROM_EDGE
