@@ -15,11 +15,12 @@ from surfaces import CENTRE, ball, seen, triangulated
 
 import stereo_gpu
 from stereo_gpu import unwrap as unwrap_module
-from stereo_gpu import unwrap_charts, unwrap_pool
+from stereo_gpu import unwrap_charts, unwrap_child, unwrap_pool
 from stereo_gpu.errors import InputError
 from stereo_gpu.mesh import build_mesh
 from stereo_gpu.unwrap import unwrap
-from stereo_gpu.unwrap_pool import NoAnswerError, Question, WorkerPool
+from stereo_gpu.unwrap_child import Child, NoAnswerError, Question
+from stereo_gpu.unwrap_pool import WorkerPool
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks at processes through /proc")
 
@@ -192,7 +193,7 @@ def test_a_process_that_cannot_start_gives_the_view_and_the_reason(pool, scene, 
         (sys.executable, empty, "xatlas ended with status 1: ModuleNotFoundError: No module named 'a_package_that"),
     ):
         monkeypatch.setattr(sys, "executable", executable)
-        monkeypatch.setattr(unwrap_pool, "_WORKER", worker)
+        monkeypatch.setattr(unwrap_child, "_WORKER", worker)
         view = unwrap(surface, view_uv)
         assert view.method == "view"
         assert view.reason.startswith(f"the view's own coordinates instead of charts: {reason}")
@@ -292,3 +293,13 @@ def test_a_process_that_cannot_be_started_ahead_is_told_when_it_is_asked(pool, m
     assert not pool.children
     (answer,) = pool.ask([sheet()], time_limit_s=30)
     assert str(answer) == "the process for xatlas cannot be started: No such file or directory"
+
+
+def test_a_child_that_nobody_stops_ends_by_itself():
+    """As one whose parent was killed while it hung: Python's lock is xatlas', so only a signal can end it."""
+    child = Child()
+    try:
+        assert child.exchange(sheet(150, roughness=0.3), 0.0) is None
+        assert child.process.returncode == -signal.SIGALRM
+    finally:
+        child.end()
