@@ -23,7 +23,7 @@ from stereo_gpu.files import check_writable, write_whole
 from stereo_gpu.job import plan_job
 from stereo_gpu.match_options import Range, Window
 from stereo_gpu.pair_list import ListedPair
-from stereo_gpu.reconstruct_many import CHECKS, check_of
+from stereo_gpu.reconstruct_many import CHECKS, check_of, how_many
 from stereo_gpu.rig import Rig
 from stereo_gpu.texture_file import check_texture_format
 from stereo_gpu.workers import run_jobs
@@ -116,16 +116,17 @@ def reconstruct_batch(
         "ignore_check": ignore_check,
     }
     told = {**options, "mesh": asdict(mesh), "check": check, "files": files, "texture_format": texture_format}
+    device = open_backend(backend)
     shared = {
         "rig": rig,
         "out": out.absolute(),
-        "options": {**options, "backend": open_backend(backend).name},
+        "options": {**options, "backend": device.name},
         "saving": {"files": files, "texture_format": texture_format},
         "again": again,
         "wanted": {"rig": _rig_digest(rig), "options": told},
     }
     jobs = ((pair, check_of(check, index)) for index, pair in enumerate(pairs))
-    answers = run_jobs(make_model, jobs, shared=shared, workers=workers, limit_s=limit_s)
+    answers = run_jobs(make_model, jobs, shared=shared, workers=how_many(workers, device), limit_s=limit_s)
     return _run(pairs, out, answers)
 
 

@@ -7,7 +7,8 @@ from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
 
-from stereo_gpu.backends import open_backend
+from stereo_gpu.backends import Backend, open_backend
+from stereo_gpu.backends.share import usable_cores
 from stereo_gpu.config import MeshOptions
 from stereo_gpu.errors import InputError, StereoError
 from stereo_gpu.job import Rectangle, plan_job
@@ -18,6 +19,7 @@ from stereo_gpu.types import Bytes
 from stereo_gpu.workers import Answer, run_jobs
 
 CHECKS = ("first", "every", "never")
+MOST_ON_A_GPU = 8  # workers: each has a context of its own there, of some hundred MB
 Then = Callable[[int, Any], Any]
 
 
@@ -67,7 +69,7 @@ def reconstruct_many(
         pairs: (left, right), or (left, right, mask): the raw pictures or their files, and (H, W) on the rectified
             reference view, 0 where nothing is wanted. Give files where you can: each process reads its own.
         rig: of all pairs.
-        workers: how many processes; None for one a core.
+        workers: how many processes; None for one a core, on a GPU no more than eight.
         check: "first" checks the rig in full against the first pair, and of the others the rows of their maps, which
             takes a hundredth of the time, and in full where these are not plainly right; "every" checks all in full;
             "never" none.
@@ -88,13 +90,14 @@ def reconstruct_many(
         raise InputError(f"check = {check!r:.60}: give first, every or never")
     refuse_unimportable(then)
     plan_job(profile, disparities, None, window, reference, rectangle, depth, mesh, tile)
+    device = open_backend(backend)
     shared = {
         "rig": rig,
         "then": then,
         "options": {
             "profile": profile,
             "disparities": disparities,
-            "backend": open_backend(backend).name,
+            "backend": device.name,
             "window": window,
             "reference": reference,
             "rectangle": rectangle,
@@ -105,7 +108,8 @@ def reconstruct_many(
         },
     }
     jobs = ((index, check_of(check, index), *_parts(index, pair)) for index, pair in enumerate(pairs))
-    answers = run_jobs(reconstruct_one, jobs, shared=shared, workers=workers, limit_s=limit_s)
+    count = how_many(workers, device)
+    answers = run_jobs(reconstruct_one, jobs, shared=shared, workers=count, limit_s=limit_s)
     return _outcomes(answers)
 
 
@@ -129,6 +133,11 @@ def reconstruct_one(
     """One pair, in its process; arguments as of `reconstruct_many` and `reconstruct`."""
     result = reconstruct(left, right, rig, mask=mask, check=check, **options)
     return result if then is None else then(index, result)
+
+
+def how_many(workers: int | None, device: Backend) -> int | None:
+    """The workers that were asked for, or as many as suit a device; None for one a core."""
+    return min(usable_cores(), MOST_ON_A_GPU) if workers is None and device.kind == "gpu" else workers
 
 
 def check_of(check: str, index: int) -> str:

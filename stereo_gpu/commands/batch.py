@@ -52,7 +52,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         help="of each pair: model.glb and result.json, or all that `reconstruct` writes (%(default)s)",
     )
     parser.add_argument("--again", action="store_true", help="do once more what is done already")
-    parser.add_argument("--workers", type=int, metavar="N", help="pairs at once, each in its own process; one a core")
+    parser.add_argument(
+        "--workers",
+        type=int,
+        metavar="N",
+        help="pairs at once, each in its own process; by default one a core, on a GPU 8 at most",
+    )
     parser.add_argument(
         "--limit", type=float, metavar="S", help="seconds after which a pair is given up; by default none"
     )
