@@ -21,6 +21,7 @@ from stereo_gpu.unwrap import Unwrapped, unwrap
 # What the project asks of the texture, dB.
 PSNR = {"charts": 36.0, "view": 44.0}
 SEAM = (0.01, 0.05, 0.5)  # mean difference of both sides of a seam by level, of 255: nobody sees a tenth
+DIFFERENT = 1e-3  # of the levels; GPUs may round a division otherwise, which moves a sample by 1e-6 px
 ROUNDED = 1  # of 255 levels: light is kept as 16 bits, in which the darkest levels are 20 apart
 
 
@@ -279,3 +280,15 @@ def test_both_sides_of_a_seam_look_alike(model, device):
         off = np.abs(np.diff([255 * np.maximum(side, 0) ** (1 / 2.2) for side in sides], axis=0))
         assert off.mean() <= SEAM[level], level
         assert np.percentile(off, 99) <= 10 * SEAM[level], level
+
+
+def test_every_device_makes_the_same_texture(backend):
+    surface, pair = plane((3, 3, 60, 44), (64, 48))
+    pair = dataclasses.replace(pair, right=noise((64, 48)))
+    surface = dataclasses.replace(surface, vertices=surface.vertices * np.float32([[1], [1.5], [0.8], [1.2]]))
+    seen = project(surface.vertices, pair, View.RIGHT)[:, :2]
+    unwrapped = turned(unwrap(surface, seen, method="view"), seen, 0.3)
+    want = textured(open_backend("warp:cpu"), unwrapped, pair).texture
+    assert want.std() > 50
+    off = np.abs(textured(backend, unwrapped, pair).texture.astype(int) - want)
+    assert (off > 0).mean() <= DIFFERENT and off.max() <= ROUNDED
