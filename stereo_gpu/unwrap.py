@@ -23,10 +23,9 @@ _Indices = NDArray[np.integer]
 
 log = logging.getLogger(__name__)
 
-# Charts, their gutters and the gaps between them need about this many times the charts' own area.
-_PACKING = 1.6
 # How much of the time limit the tiles may take; the rest is for packing.
 _TILES_SHARE = 0.75
+# How often the atlas is made coarser until it is no larger than asked for.
 _TRIES = 8
 _VIEWS_OWN = "the view's own coordinates"
 
@@ -196,7 +195,6 @@ def _charts(
     vertex_map, faces, chart = _cut(surface.faces, chart, len(seen))
     pixels = seen[vertex_map]
     covered = float(np.abs(signed_areas(seen, surface.faces)).sum())
-    density = min(density, max_size / math.sqrt(_PACKING * max(covered, 1.0)))
     density = min(density, _largest_fitting(pixels[faces], chart, padding, max_size))
     for _ in range(_TRIES):
         texels = pixels * density
