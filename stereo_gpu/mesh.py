@@ -10,7 +10,7 @@ from stereo_gpu.bounded_mesh import bounded_triangles
 from stereo_gpu.cell_triangles import dense_triangles
 from stereo_gpu.errors import InputError, StageError
 from stereo_gpu.mesh_parts import covered_pixels, number_parts
-from stereo_gpu.sight import seen_openly
+from stereo_gpu.sight import find_leaning, seen_openly
 from stereo_gpu.types import Doubles, Floats, Ints, Surface
 
 METHODS = ("bounded", "dense")
@@ -26,7 +26,7 @@ def build_mesh(
     method: str = "bounded",
     error_px: float = 0.25,
     max_jump_px: float = 3.0,
-    min_angle_deg: float = 10.0,
+    min_angle_deg: float = 5.0,
     smallest_part: float = 150,
     farthest: float = 10.0,
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0),
@@ -37,12 +37,12 @@ def build_mesh(
     Args:
         values: (H, W) float32 disparity, px; NaN where there is none.
         points: (H, W, 3) float32, the point that each pixel shows; NaN where there is none.
-        device: where the bounded mesh's errors are computed; None takes the best one.
+        device: where errors and slopes are computed; None takes the best one.
         method: "bounded" (see `bounded_triangles`), or "dense": two triangles for every four neighbouring pixels.
         error_px: how far the bounded mesh may lie from the disparity of a pixel that it covers, px.
         max_jump_px: no triangle holds neighbouring pixels that differ by more than this in disparity.
         min_angle_deg: no triangle that is seen at a flatter angle than this; such are drawn out between two objects,
-            not seen on one. See `seen_openly`. Of a map of whole pixels half of that, since it rises in steps.
+            not seen on one. Nor their flanks, see `seen_openly`; but of a map of whole pixels, which rises in steps.
         smallest_part: no connected part that covers fewer pixels of the view than this.
         farthest: no point beyond so many times the median depth, nor one at or behind the camera: tiny
             disparities give depths without meaning, and one such vertex spoils everything that scales a mesh
@@ -61,23 +61,19 @@ def build_mesh(
     _check(values, points, method, error_px, max_jump_px, min_angle_deg, farthest)
     usable = _usable(values, points, farthest)
     known = np.where(usable, values, np.float32(np.nan))
+    device = device or open_backend()
     settled = None
     if method == "dense":
         faces = dense_triangles(known, max_jump_px)
     else:
         faces, settled = bounded_triangles(
-            device or open_backend(),
-            known,
-            error_px=error_px,
-            max_jump_px=max_jump_px,
-            infinity_px=infinity_px,
+            device, known, error_px=error_px, max_jump_px=max_jump_px, infinity_px=infinity_px
         )
-    if not (known[usable] % 1).any():
-        min_angle_deg /= 2
     flat = points.reshape(-1, 3)
     if settled is not None:
         flat = _moved(flat, faces, known.ravel(), settled.ravel(), centre, infinity_px)
-    faces = faces[seen_openly(flat, faces, values.shape, min_angle_deg, centre)]
+    leaning = find_leaning(device, known) if (known[usable] % 1).any() else None
+    faces = faces[seen_openly(flat, faces, values.shape, min_angle_deg, centre, leaning)]
     part, covered = number_parts(faces, values.shape), covered_pixels(faces, values.shape)
     faces = faces[np.bincount(part, covered)[part] >= smallest_part] if len(faces) else faces
     if not len(faces):

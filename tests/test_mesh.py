@@ -2,7 +2,7 @@ import json
 
 import numpy as np
 import pytest
-from surfaces import CENTRE, ball, normals, plane, seen, signed_areas, triangulated
+from surfaces import BASELINE, CENTRE, FOCAL, ball, normals, plane, seen, signed_areas, triangulated
 
 from stereo_gpu.errors import InputError, StageError
 from stereo_gpu.mesh import build_mesh
@@ -120,12 +120,36 @@ def test_slivers_seen_edge_on_are_dropped():
     assert len(steep.faces) < len(loose.faces) and cosine.min() > np.sin(np.radians(4))
 
 
-def test_the_noise_of_one_pixel_makes_no_hole():
-    depth = plane(40, 60, tilt=0)
-    depth[20, 30] -= 14  # its triangles are seen at 6 to 9 degrees
-    assert len(build(depth, min_angle_deg=10).faces) == 2 * 39 * 59
-    depth[20, 30] -= 40  # and now under 5
-    assert len(build(depth, min_angle_deg=10).faces) == 2 * 39 * 59 - 4
+def profile(*steps):
+    """Disparities that are constant along columns, with these steps between the middle ones; and their points.
+
+    One px a pixel is seen at 3.7 degrees here, 0.4 at 9.2 and 0.25 at 14.6.
+    """
+    values = np.full((40, 60), 26.0, np.float32)
+    for number, step in enumerate(steps):
+        values[:, 30 - len(steps) // 2 + number :] += step
+    return triangulated(FOCAL * BASELINE / values.astype(float))
+
+
+def columns_without_faces(surface):
+    """How many of the 59 columns of cells are empty."""
+    column = np.rint(seen(surface.vertices)[:, 0] + 29.5).astype(int)
+    return 59 - len(np.unique(column[surface.faces].min(axis=1)))
+
+
+@pytest.mark.parametrize("method", ["dense", "bounded"])
+def test_a_step_goes_with_its_flanks(method):
+    def build(*steps):
+        return build_mesh(*profile(*steps), method=method, error_px=0.01, centre=CENTRE)
+
+    assert columns_without_faces(build(0.4, 0.4, 0.4)) == 0
+    assert columns_without_faces(build(0.4, 1.2, 0.4)) == 3
+    assert columns_without_faces(build(0.25, 1.2, 0.25)) == 1
+    # As a whole the surface leans by more than half a pixel: its steepest faces go alone.
+    lean = [0.6] * 50
+    assert columns_without_faces(build(*lean)) == 0
+    lean[25] = 2.0
+    assert columns_without_faces(build(*lean)) == 1
 
 
 @pytest.mark.parametrize(
