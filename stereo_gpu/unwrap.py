@@ -43,6 +43,7 @@ class Unwrapped:
         method: what was used: "xatlas" or "view".
         reason: what was taken in place of that which was asked for, and why; None if all went as asked.
         charts: how many there are.
+        texels_per_pixel: resolution of the atlas against the view.
     """
 
     vertices: Floats
@@ -53,6 +54,7 @@ class Unwrapped:
     method: str
     reason: str | None = None
     charts: int = 1
+    texels_per_pixel: float = 1.0
 
 
 def unwrap(
@@ -80,7 +82,7 @@ def unwrap(
         time_limit_s: for all of xatlas' work.
         texels_per_pixel: resolution of the atlas against the view.
         padding: texels between charts at least, and at the atlas' edge.
-        max_size: largest side of the atlas, texels; a larger one is made coarser.
+        max_size: largest side of the atlas, texels; a larger one is made coarser, and the result says so.
 
     Raises:
         InputError: an option is out of range, or `view_uv` does not fit the surface.
@@ -110,12 +112,19 @@ def unwrap(
     whole = _whole_view(surface, seen, texels_per_pixel, padding, max_size)
     try:
         if method == "view":
-            return _packed_view(surface, seen, whole, texels_per_pixel, padding, max_size, deadline)
-        return _charts(surface, seen, texels_per_pixel, padding, max_size, time_limit_s, deadline)
+            unwrapped = _packed_view(surface, seen, whole, padding, max_size, deadline)
+        else:
+            unwrapped = _charts(surface, seen, texels_per_pixel, padding, max_size, time_limit_s, deadline)
     except NoAnswerError as error:
         why = f"xatlas did not finish in {time_limit_s:g} s" if isinstance(error, LateError) else str(error)
         given = "as they are, not packed" if method == "view" else "instead of charts"
-        return _told(replace(whole, reason=f"{_VIEWS_OWN} {given}: {why}"))
+        unwrapped = replace(whole, reason=f"{_VIEWS_OWN} {given}: {why}")
+    if unwrapped.texels_per_pixel < texels_per_pixel:
+        coarser = f"{unwrapped.texels_per_pixel:.2g} texels a pixel, to be no larger than {max_size}"
+        unwrapped = replace(unwrapped, reason=f"{unwrapped.reason}; {coarser}" if unwrapped.reason else coarser)
+    if unwrapped.reason:
+        log.warning("the texture uses %s", unwrapped.reason)
+    return unwrapped
 
 
 def warm_up(method: str, faces: int) -> None:
@@ -126,12 +135,6 @@ def warm_up(method: str, faces: int) -> None:
     """
     if method == "charts":
         shared_pool().warm(tiles_of(faces))
-
-
-def _told(unwrapped: Unwrapped) -> Unwrapped:
-    if unwrapped.reason:
-        log.warning("the texture uses %s", unwrapped.reason)
-    return unwrapped
 
 
 def _whole_view(surface: Surface, seen: Doubles, density: float, padding: int, max_size: int) -> Unwrapped:
@@ -148,6 +151,7 @@ def _whole_view(surface: Surface, seen: Doubles, density: float, padding: int, m
         vertex_map=np.arange(len(seen), dtype=np.int32),
         size=(int(size[0]), int(size[1])),
         method="view",
+        texels_per_pixel=density,
     )
 
 
@@ -157,10 +161,10 @@ def _fitting(seen: Doubles, padding: int, max_size: int) -> float:
 
 
 def _packed_view(
-    surface: Surface, seen: Doubles, whole: Unwrapped, density: float, padding: int, max_size: int, deadline: float
+    surface: Surface, seen: Doubles, whole: Unwrapped, padding: int, max_size: int, deadline: float
 ) -> Unwrapped:
     """The parts of the view that lie apart, packed; or the whole view where that is smaller."""
-    density = min(density, _fitting(seen, padding, max_size))
+    density = whole.texels_per_pixel
     texels = seen * density
     cells = find_cells(texels, surface.faces, np.zeros(len(surface.faces), np.intp))
     # What touches on the view keeps its place: it needs no gutter, since the picture goes on beside it.
@@ -208,17 +212,16 @@ def _charts(
     of_vertex[faces] = chart[:, None]
     size, count = packed.size, len(packed.offset)
     log.debug("%d charts in %d x %d texels, %.0f %% in use", count, *size, 100 * covered * density**2 / math.prod(size))
-    return _told(
-        Unwrapped(
-            vertices=surface.vertices[vertex_map],
-            faces=faces,
-            uv=((texels + packed.offset[of_vertex] + 0.5) / size).astype(np.float32),
-            vertex_map=vertex_map,
-            size=size,
-            method="xatlas",
-            reason=f"{_VIEWS_OWN} instead of charts {lost}" if lost else None,
-            charts=count,
-        )
+    return Unwrapped(
+        vertices=surface.vertices[vertex_map],
+        faces=faces,
+        uv=((texels + packed.offset[of_vertex] + 0.5) / size).astype(np.float32),
+        vertex_map=vertex_map,
+        size=size,
+        method="xatlas",
+        reason=f"{_VIEWS_OWN} instead of charts {lost}" if lost else None,
+        charts=count,
+        texels_per_pixel=density,
     )
 
 

@@ -176,7 +176,9 @@ def test_resolution_and_limit(view_uv, scene, method):
     got = np.abs(signed_areas(texels(half), half.faces)).sum()
     assert got == pytest.approx(0.25 * np.abs(signed_areas(view_uv, scene.faces)).sum(), rel=1e-3)
     small = unwrap(scene, view_uv, method=method, max_size=100)
-    assert small.reason is None and 80 < max(small.size) <= 100
+    assert half.reason is None and half.texels_per_pixel == 0.5
+    assert 80 < max(small.size) <= 100
+    assert small.reason == f"{small.texels_per_pixel:.2g} texels a pixel, to be no larger than 100"
     got = np.abs(signed_areas(texels(small), small.faces)) / np.abs(signed_areas(view_uv, scene.faces))
     np.testing.assert_allclose(got, got.mean(), rtol=0.02)
 
