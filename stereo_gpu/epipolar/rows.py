@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from stereo_gpu.epipolar.points import cross_matrix
 from stereo_gpu.rig import Camera, Rig
 from stereo_gpu.types import Doubles
 
@@ -75,15 +76,16 @@ def rectifying_rotations(rotation: Doubles, translation: Doubles) -> tuple[Doubl
     Each camera turns by half of the rotation between them, then both turn so that T lies along x. Not by OpenCV, which
     takes an angle below 1e-5 for none: a fit would see no slope there.
     """
-    from scipy.spatial.transform import Rotation
-
-    half = Rotation.from_rotvec(-Rotation.from_matrix(rotation.copy()).as_rotvec() / 2)
-    along = half.apply(translation.copy())  # SciPy takes no read-only arrays
-    axis = np.array([np.copysign(1.0, along[0]), 0.0, 0.0])
-    turn = np.cross(along, axis)
-    sine = float(np.linalg.norm(turn))
-    level = Rotation.from_rotvec(turn / sine * np.arctan2(sine, abs(along[0])) if sine > 0 else np.zeros(3))
-    return (level * half.inv()).as_matrix(), (level * half).as_matrix()
+    # The half H of a rotation R = H H: I + R = H (H^T + H), whose second factor is symmetric and has no eigenvalue
+    # below 0, so that H is the orthogonal one of the polar decomposition.
+    left, _, right = np.linalg.svd(np.eye(3) + rotation)
+    half = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+    along = half.T @ translation
+    # Rodrigues' formula for the shortest turn of `along` into the x axis, whose sine and cosine come of its products.
+    length = float(np.linalg.norm(along))
+    across = cross_matrix(np.cross(along, [np.copysign(1.0, along[0]), 0.0, 0.0])) / length
+    level = np.eye(3) + across + across @ across / (1 + abs(along[0]) / length)
+    return level @ half, level @ half.T
 
 
 def find_rows(rays_left: Doubles, rays_right: Doubles, rotation: Doubles, translation: Doubles, focal: float) -> Rows:
