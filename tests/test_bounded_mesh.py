@@ -12,6 +12,7 @@ from stereo_gpu.bounded_mesh import LARGEST_SIDE, bounded_triangles
 from stereo_gpu.cell_triangles import dense_triangles
 from stereo_gpu.errors import StageError
 from stereo_gpu.mesh import build_mesh
+from stereo_gpu.mesh_parts import covered_pixels, number_parts
 from stereo_gpu.scene_render import render_pair
 
 ERROR, JUMP = 0.25, 3.0
@@ -225,11 +226,14 @@ def test_motorcycle_keeps_every_promise(data):
     assert (towards > 0).all()
 
 
+@pytest.fixture(scope="module")
+def pair(small_scene):
+    return sg.rectify(*render_pair(small_scene), small_scene.rig)
+
+
 @pytest.mark.parametrize("profile", ["fast", "precise"])
-def test_no_slivers_from_a_matched_map(small_scene, profile):
+def test_no_slivers_from_a_matched_map(pair, profile):
     """Noise of single pixels makes slivers in space of the smallest triangles, where nothing is done about it."""
-    left, right = render_pair(small_scene)
-    pair = sg.rectify(left, right, small_scene.rig)
     disparity = sg.match(pair.left, pair.right, disparities=(16, 40), profile=profile, mask=pair.valid_right)
     points = sg.triangulate(disparity, pair)
     centre, infinity_px = (pair.baseline, 0.0, 0.0), pair.cx_left - pair.cx_right
@@ -247,3 +251,20 @@ def test_no_slivers_from_a_matched_map(small_scene, profile):
 def covered_share(surface, pair):
     local = surface.vertices.astype(float) - (pair.baseline, 0, 0)
     return -signed_areas(local[:, :2] / local[:, 2:] * pair.focal_px, surface.faces).sum() / pair.valid_right.sum()
+
+
+def test_parts_are_those_that_a_search_finds():
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
+    values = noisy(90, 110)
+    values[np.random.default_rng(4).random(values.shape) < 0.5] = np.nan
+    values[40:80, 5:70] = 30
+    faces, _ = bounded_triangles(open_backend(), values, error_px=1.0, max_jump_px=JUMP)
+    pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]]])
+    joined = coo_matrix((np.ones(len(pairs)), pairs.T), (values.size, values.size))
+    want = connected_components(joined, directed=False)[1][faces[:, 0]]
+    part = number_parts(faces, values.shape)
+    count = len(np.unique(want))
+    assert count > 10 and len(np.unique(part)) == count and len(np.unique(np.stack([part, want]), axis=1).T) == count
+    assert covered_pixels(faces, values.shape).max() >= 64
