@@ -16,12 +16,13 @@ from stereo_gpu.types import Bytes
 _Light = NDArray[np.uint16]
 
 
-def decode_light(backend: Backend, picture: DeviceArray, scale: float) -> DeviceArray:
-    """Light of a picture.
+def decode_light(backend: Backend, picture: DeviceArray, valid: Bytes, scale: float) -> DeviceArray:
+    """Light of a picture; where it is not valid, that of valid pixels nearby.
 
     Args:
         backend: the device that holds it.
         picture: (H, W) or (H, W, 3), uint8 or uint16.
+        valid: (H, W) uint8, on the host, 0 where the picture has no content.
         scale: factor that takes its values to sRGB's levels 0..255; what is above becomes 255.
     """
     height, width = picture.shape[:2]
@@ -29,12 +30,15 @@ def decode_light(backend: Backend, picture: DeviceArray, scale: float) -> Device
     backend.launch(
         "decode",
         picture=picture,
+        valid=backend.upload(valid),
         table=backend.upload(_light_of_levels(int(np.iinfo(picture.dtype).max), scale)),
         width=width,
         height=height,
         channels=1 if len(picture.shape) == 2 else picture.shape[2],
         light_out=light,
     )
+    if not valid.all():
+        fill_gaps(backend, light)
     return light
 
 

@@ -51,7 +51,7 @@ def bake_texture(
         picture: the rectified picture of `view`, (H, W) or (H, W, 3).
         scale: factor that takes its values to 0..255.
         unwrapped: the mesh with its texture coordinates.
-        pair: for its geometry.
+        pair: for its geometry, and where the picture is valid.
         view: which of the two pictures it is.
 
     Returns:
@@ -61,7 +61,8 @@ def bake_texture(
     seen = project(unwrapped.vertices, pair, view)
     texels = unwrapped.uv * np.array(size)
     corners = np.column_stack([texels, seen]).astype(np.float32)[unwrapped.faces]
-    light, cell = decode_light(backend, picture, scale), 1.0
+    valid = pair.valid_right if view is View.RIGHT else pair.valid_left
+    light, cell = decode_light(backend, picture, valid, scale), 1.0
     pixels = _pixels_per_texel(corners)
     while pixels > 1.5 * cell and max(light.shape[:2]) > 1:
         light, cell = halve_light(backend, light), 2 * cell

@@ -847,12 +847,13 @@ def residual(light, texture, places):
     return out
 
 
-def decode(picture, table):
-    """The table's light of every level, and 65535; a grey picture has the same three times."""
+def decode(picture, valid, table):
+    """The table's light of every valid level, and 65535; a grey picture has the same three times."""
     height, width, channels = picture.shape
     out = np.full((height, width, 4), 65535, np.uint16)
     for y, x, channel in np.ndindex(height, width, 3):
         out[y, x, channel] = table[picture[y, x, min(channel, channels - 1)]]
+    out[valid == 0] = 0
     return out
 
 

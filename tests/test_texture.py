@@ -161,6 +161,18 @@ def test_a_texel_on_a_pixel_is_a_copy_of_it_and_so_are_those_beside_the_mesh(dty
     assert np.abs(got - want.reshape(28, 36, -1)).max() <= (0 if dtype == np.uint8 else ROUNDED)
 
 
+def test_what_is_no_picture_gets_into_no_texel():
+    """A rectified picture is black where its camera saw nothing; a mesh may end there."""
+    device = open_backend(None)
+    surface, pair = plane((7, 5, 40, 30), (64, 48))
+    valid = np.zeros((48, 64), np.uint8)
+    valid[5:31, 7:41] = 1
+    picture = np.full((48, 64, 3), 90, np.uint8) * valid[..., None]
+    pair = dataclasses.replace(pair, right=picture, valid_right=valid)
+    seen = project(surface.vertices, pair, View.RIGHT)[:, :2]
+    assert (textured(device, unwrap(surface, seen, method="view"), pair).texture == 90).all()
+
+
 def test_a_coarse_atlas_averages_light():
     """Every second pixel is white: half the light, which is level 188. A sample of single pixels would be patchy."""
     device = open_backend(None)

@@ -139,9 +139,10 @@ def test_decode(backend, dtype, channels):
     table = rng.integers(0, 65536, largest + 1).astype(np.uint16)
     picture = rng.integers(0, largest + 1, (HEIGHT, WIDTH, channels)).astype(dtype)
     out = junk(backend, (HEIGHT, WIDTH, 4), np.uint16)
-    given = {"picture": backend.upload(picture), "table": backend.upload(table)}
+    valid = (rng.random((HEIGHT, WIDTH)) < 0.8).astype(np.uint8)
+    given = {name: backend.upload(v) for name, v in (("picture", picture), ("valid", valid), ("table", table))}
     backend.launch("decode", **given, width=WIDTH, height=HEIGHT, channels=channels, light_out=out)
-    np.testing.assert_array_equal(backend.download(out), reference.decode(picture, table))
+    np.testing.assert_array_equal(backend.download(out), reference.decode(picture, valid, table))
 
 
 def test_encode(backend):
