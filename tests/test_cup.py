@@ -77,3 +77,17 @@ def test_cup_bottle_and_tripod_stand_apart(cup):
     assert depth["bottle"] < depth["cup"] - 30
     assert depth["bottle"] < depth["tripod"]
     assert depth["curtain"] > depth["cup"] + 150
+
+
+@pytest.mark.parametrize(("region", "share"), [((450, 590, 20, 180), 0.98), ((150, 450, 400, 470), 0.9)])
+def test_curtain_and_table_are_whole(cup, region, share):
+    """How much of the curtain right of the cup, and of the table before it, the mesh covers in the right picture."""
+    left, right, top, bottom = region
+    x, y, z = (cup.mesh.vertices[:, i].astype(float) for i in range(3))
+    place = np.stack([x - cup.pair.baseline, y], axis=1) / z[:, None] * cup.pair.focal_px
+    corners = (place + np.array([cup.pair.cx_right, cup.pair.cy]))[cup.mesh.faces]
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2
+    middle = corners.mean(axis=1)
+    inside = (middle > (left, top)).all(axis=1) & (middle < (right, bottom)).all(axis=1)
+    assert area[inside].sum() > share * (right - left) * (bottom - top)
