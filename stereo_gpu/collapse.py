@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from stereo_gpu.outline import signed_areas
 from stereo_gpu.turn_edges import next_side, turn_edges, twins
 from stereo_gpu.types import Doubles, Ints
+from stereo_gpu.view_frame import ViewFrame
 
 _Flags = NDArray[np.bool_]
 
@@ -33,25 +34,30 @@ _TURN_PX = 0.25
 _LEAST_AREA = 1e-3
 
 
-def collapse(corners: Doubles, faces: Ints, target_faces: int, *, fixed: _Flags | None = None) -> tuple[Doubles, Ints]:
+def collapse(
+    corners: Doubles, faces: Ints, target_faces: int, frame: ViewFrame, *, fixed: _Flags | None = None
+) -> tuple[Doubles, Ints]:
     """Collapse edges until no more than `target_faces` are left, turn some for rounder triangles, and drop bad ones.
 
     Args:
         corners: (N, 3), columns, rows and disparities, px.
         faces: (M, 3), counter-clockwise on the picture (y down).
         target_faces: how many to keep, beside fixed ones.
+        frame: that the corners lie in.
         fixed: (M,) faces that stay as they are; the others fit them still.
 
     Returns:
         Corners, not all of them used, and faces. Each side of a face is shared by one other or by none.
     """
     if fixed is not None and fixed.any():
-        kept, left = collapse_all(corners, faces[~fixed], target_faces, _sides_of(faces[fixed], len(corners)))
+        kept, left = _collapse_loose(corners, faces[~fixed], target_faces, frame, _sides_of(faces[fixed], len(corners)))
         return _join(corners, faces[fixed], kept, left)
-    return collapse_all(corners, faces, target_faces, np.zeros(0, np.int64))
+    return _collapse_loose(corners, faces, target_faces, frame, np.zeros(0, np.int64))
 
 
-def collapse_all(corners: Doubles, faces: Ints, target_faces: int, seam: NDArray[np.int64]) -> tuple[Doubles, Ints]:
+def _collapse_loose(
+    corners: Doubles, faces: Ints, target_faces: int, frame: ViewFrame, seam: NDArray[np.int64]
+) -> tuple[Doubles, Ints]:
     """`collapse` for faces none of which is fixed, but for their sides in `seam` (start times N plus end)."""
     kept, left = _reduce(corners, faces, target_faces, seam, _BORDER_POWER)
     for _ in range(_TRIES):
@@ -59,7 +65,8 @@ def collapse_all(corners: Doubles, faces: Ints, target_faces: int, seam: NDArray
             break
         kept, left = _reduce(kept, left, target_faces, seam, 1.0)  # the border has lost less than was thought
     left = left[_single(kept, left)]
-    left = turn_edges(kept, left, tolerance=_TURN_PX)
+    space = frame.place(kept).astype(np.float64)
+    left = turn_edges(kept, left, tolerance=_TURN_PX, space=space)
     return kept, left[signed_areas(kept, left) > _LEAST_AREA]
 
 

@@ -55,7 +55,7 @@ def decimate(surface: Surface, target_faces: int, frame: ViewFrame, *, error: fl
         return surface
     corners = frame.see(surface.vertices)
     if error is None:
-        kept, faces = collapse(corners, surface.faces, target_faces)
+        kept, faces = collapse(corners, surface.faces, target_faces, frame)
         if not len(faces):
             raise StageError(f"nothing is left of {len(surface.faces)} triangles at {target_faces}; ask for more")
         return compact(frame.place(kept), faces)
@@ -70,7 +70,7 @@ def _search(corners: Doubles, faces: Ints, error: float, frame: ViewFrame) -> tu
     for share in _SHARES:
         for _ in range(_ROUNDS):
             loose = len(faces) - int(fixed.sum())
-            tried = collapse(*given, max(round(loose * share), 1), fixed=fixed)
+            tried = collapse(*given, max(round(loose * share), 1), frame, fixed=fixed)
             too_far = compare(given, tried, frame, enough=error)[1]
             if not len(too_far):
                 break

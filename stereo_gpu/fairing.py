@@ -25,8 +25,8 @@ def fair(
     frame: ViewFrame,
     *,
     iterations: int = 10,
-    pass_band: float = 0.1,
-    noise_px: float = 0.1,
+    pass_band: float = 0.15,
+    noise_px: float = 0.07,
     furthest_px: float = 0.25,
     outline_px: float = 0.5,
 ) -> Surface:
@@ -63,7 +63,7 @@ def fair(
     if iterations < 0:
         raise InputError(f"iterations is {iterations}: pass 0 or more")
     if not 0 < pass_band < 1:
-        raise InputError(f"pass_band is {pass_band}: pass a number above 0 and below 1, such as 0.1")
+        raise InputError(f"pass_band is {pass_band}: pass a number above 0 and below 1, such as 0.15")
     if not (noise_px > 0 and furthest_px >= 0 and outline_px >= 0):
         raise InputError(
             f"noise_px {noise_px}, furthest_px {furthest_px} and outline_px {outline_px} are not all usable: pass a"

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from stereo_gpu.types import Doubles, Ints
 
-_EDGE = 1e-6  # px: a pixel on an edge belongs to the triangle
+_EDGE = 1e-3  # px: a pixel on an edge belongs to the triangle, and vertices are float32
 
 
 def height_map(corners: Doubles, faces: Ints, size: tuple[int, int]) -> Doubles:

@@ -16,13 +16,15 @@ _Flags = NDArray[np.bool_]
 _ROUNDS = 12
 # Twice the area under which a triangle is a line, against the square of its longest side.
 _FLAT = 1e-3
+# An edge is turned for no less than this, lest rounding turns it to and fro.
+_GAIN = 1e-6
 
 
-def turn_edges(corners: Doubles, faces: Ints, *, tolerance: float) -> Ints:
-    """Exchange the diagonals of quadrangles until no angle can be widened.
+def turn_edges(corners: Doubles, faces: Ints, *, tolerance: float, space: Doubles) -> Ints:
+    """Exchange the diagonals of quadrangles until no smallest angle can be widened.
 
-    An edge between two triangles is turned where the two angles across it sum up to more than 180 degrees, as
-    Delaunay's criterion has it (C. L. Lawson, "Software for C1 surface interpolation", 1977), and where the surface
+    An edge between two triangles is turned where the smallest of their angles in space gets wider by it, which on a
+    plane is Delaunay's criterion (C. L. Lawson, "Software for C1 surface interpolation", 1977), and where the surface
     moves by no more than `tolerance` at the crossing of both diagonals, so that edges along a crease stay. Borders
     stay as they are. A triangle that lies upside down is put right in the same way, whatever the tolerance.
 
@@ -30,6 +32,7 @@ def turn_edges(corners: Doubles, faces: Ints, *, tolerance: float) -> Ints:
         corners: (N, 3), columns and rows on the picture, and a height over it, all in one unit.
         faces: (M, 3), counter-clockwise on the picture (y down).
         tolerance: in that unit.
+        space: (N, 3), the same corners in space, up to scale.
 
     Returns:
         (M, 3) int32, the faces in their order, some with other corners.
@@ -38,7 +41,7 @@ def turn_edges(corners: Doubles, faces: Ints, *, tolerance: float) -> Ints:
     twin = twins(turned, len(corners))
     edges = np.flatnonzero(twin > np.arange(len(twin)))
     for _ in range(_ROUNDS):
-        quads, gain = _better(corners, turned, twin, edges, tolerance)
+        quads, gain = _better(corners, space, turned, twin, edges, tolerance)
         if not len(quads.edge):
             break
         # A triangle goes to the edge that gains most; an edge is turned that has both of its triangles.
@@ -94,9 +97,9 @@ class _Quads:
 
 
 def _better(
-    corners: Doubles, faces: _Indices, twin: _Indices, edges: _Indices, tolerance: float
+    corners: Doubles, space: Doubles, faces: _Indices, twin: _Indices, edges: _Indices, tolerance: float
 ) -> tuple[_Quads, Doubles]:
-    """Which of these edges are better turned, and how much the smaller angles gain by it."""
+    """Which of these edges are better turned, and by how much the cosine of the smallest angle falls."""
     flat = faces.ravel()
     other = twin[edges]
     quads = _Quads(
@@ -112,20 +115,31 @@ def _better(
 
     abc, bad = area(ax, ay, bx, by, cx, cy), area(bx, by, ax, ay, dx, dy)
     adc, dbc = area(ax, ay, dx, dy, cx, cy), area(dx, dy, bx, by, cx, cy)
-    at_c = (ax - cx) * (bx - cx) + (ay - cy) * (by - cy)
-    at_d = (ax - dx) * (bx - dx) + (ay - dy) * (by - dy)
-    # sin(c + d), which is below 0 past 180 degrees, times the lengths of the four sides
-    over = -(abc * at_d + bad * at_c)
     upside_down = (abc <= 0) | (bad <= 0)
-    across = (cx - dx) ** 2 + (cy - dy) ** 2
-    whole = abc + bad
+    whole, across = abc + bad, (cx - dx) ** 2 + (cy - dy) ** 2
     with np.errstate(divide="ignore", invalid="ignore"):
         # where the diagonals cross: at share s of the way from a to b, and t of the way from c to d
         s, t = adc / whole, abc / whole
         moved = np.abs(az + (bz - az) * s - cz - (dz - cz) * t)
-        gain = np.where(upside_down, np.inf, over / across)
-    good = (adc > _FLAT * across) & (dbc > _FLAT * across) & (upside_down | ((over > 0) & (moved <= tolerance)))
+    gain = np.where(upside_down, np.inf, _wider(*(space[corner] for corner in (quads.a, quads.b, quads.c, quads.d))))
+    good = (adc > _FLAT * across) & (dbc > _FLAT * across) & (upside_down | ((gain > _GAIN) & (moved <= tolerance)))
     return quads.take(good), gain[good]
+
+
+def _wider(a: Doubles, b: Doubles, c: Doubles, d: Doubles) -> Doubles:
+    """By how much the cosine of the smallest angle of triangles a b c and b a d is above that of a d c and d b c."""
+    ab, ac, bc, ad, bd, cd = (
+        np.einsum("ij,ij->i", q - p, q - p) for p, q in ((a, b), (a, c), (b, c), (a, d), (b, d), (c, d))
+    )
+
+    def sharpest(u: Doubles, v: Doubles, w: Doubles) -> Doubles:
+        # The smallest angle is between the two longer sides.
+        least = np.minimum(np.minimum(u, v), w)
+        product = u * v * w / np.maximum(least, 1e-300)
+        return np.asarray((u + v + w - 2 * least) / (2 * np.sqrt(np.maximum(product, 1e-300))))
+
+    before = np.maximum(sharpest(ab, ac, bc), sharpest(ab, ad, bd))
+    return np.asarray(before - np.maximum(sharpest(ad, cd, ac), sharpest(bd, bc, cd)))
 
 
 def _turn(faces: _Indices, twin: _Indices, quads: _Quads) -> _Indices:

@@ -49,7 +49,7 @@ def test_size_stays_over_many_iterations(cap):
     smooth = fair(cap, FRAME, iterations=200)
     before, after = (np.ptp(s.vertices, axis=0) for s in (cap, smooth))
     np.testing.assert_allclose(after, before, rtol=0.03)
-    assert from_ball(smooth.vertices).mean() == pytest.approx(100, abs=0.3)
+    assert from_ball(smooth.vertices).mean() == pytest.approx(100, abs=0.5)
 
 
 def test_plane_stays_flat_and_keeps_its_border():

@@ -33,13 +33,14 @@ from stereo_gpu.evaluation.accuracy_tables import (
 )
 from stereo_gpu.evaluation.cost import BENCH_SIZE, bench_pair, measure_costs
 from stereo_gpu.evaluation.matchers import AUTO, Matcher, opencv_matchers, our_matchers
+from stereo_gpu.evaluation.mesh_tables import mesh_section
 from stereo_gpu.evaluation.pairs import PAIRS, load_pair
 from stereo_gpu.evaluation.sections import put_section
 from stereo_gpu.evaluation.trade_plot import draw_trade
 from stereo_gpu.files import write_whole
 
 ROOT = Path(__file__).parents[1]
-SECTIONS = ("pairs", "light", "boards", "range", "confidence", "cost")
+SECTIONS = ("pairs", "light", "boards", "range", "confidence", "meshes", "cost")
 TIMED = ("tsukuba", "teddy", "motorcycle")
 ALOE = ("aloe", "aloe, other exposure", "aloe, other light")
 SECONDS, CAP = 0.8, 4.0  # to time each matcher on each input, at least and at most
@@ -128,6 +129,9 @@ def sections(
         yield "range", range_table(found, [board.range for board in boards])
     if "confidence" in options.sections:
         yield "confidence", confidence_table(list(pairs.values()))
+    if "meshes" in options.sections and not options.pairs:
+        print("measuring meshes", file=sys.stderr, flush=True)
+        yield "meshes", [where, *mesh_section(options.data, options.backend)]
     if "cost" in options.sections:
         inputs = {"{} x {} x {}".format(*BENCH_SIZE): bench_pair()}
         inputs |= {name: (each.pair.left, each.pair.right, each.pair.search) for name, each in timed.items()}
