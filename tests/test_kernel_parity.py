@@ -7,7 +7,7 @@ import pytest
 import reference
 
 import stereo_gpu.kernels as kernels
-from stereo_gpu.kernels.opencl import parameters
+from stereo_gpu.kernels.opencl import parameters, together
 
 FOLDER = Path(kernels.__file__).parent
 FILES = sorted(path.stem for path in (FOLDER / "opencl").glob("*.cl"))
@@ -54,3 +54,10 @@ def test_has_reference(name):
 @pytest.mark.parametrize("name", FORMS)
 def test_both_forms_take_the_same_parameters(name):
     assert parameters(name, "cpu") == parameters(name, "gpu")
+
+
+@pytest.mark.parametrize("name", OPENCL)
+def test_kernels_of_one_program_have_no_type_to_choose(name):
+    names = together(name)
+    assert name in names and set(names) <= set(OPENCL)
+    assert len(names) == 1 or all(p.type != "PIXEL" for p in parameters(name))

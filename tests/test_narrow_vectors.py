@@ -22,7 +22,7 @@ from conftest import missing
 import stereo_gpu as sg
 from stereo_gpu import backends
 from stereo_gpu.errors import BackendError
-from stereo_gpu.kernels.opencl import source
+from stereo_gpu.kernels.opencl import program_source, source, together
 from stereo_gpu.scene_render import render_pair
 
 WITHOUT = {"avx512": "#undef __AVX512BW__\n", "avx2": "#undef __AVX512BW__\n#undef __AVX2__\n"}
@@ -49,8 +49,8 @@ def narrow(request, monkeypatch):
 
     def compile_narrow(kernel, pixel):
         with monkeypatch.context() as during:
-            narrowed = WITHOUT[request.param] + source(kernel, "cpu")
-            during.setattr(backends.opencl, "source", lambda name, form: narrowed)
+            narrowed = WITHOUT[request.param] + program_source(together(kernel), "cpu")
+            during.setattr(backends.opencl, "program_source", lambda names, form: narrowed)
             return as_they_are(kernel, pixel)
 
     monkeypatch.setattr(found, "_kernel", compile_narrow)

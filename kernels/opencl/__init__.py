@@ -8,6 +8,23 @@ from functools import cache
 from pathlib import Path
 
 _FOLDER = Path(__file__).parent
+# Kernels that are wanted together, and have no PIXEL: PoCL takes 20 ms for a program, even if it has built it before,
+# whatever is in it.
+_TOGETHER = (
+    (
+        "window_norms",
+        "ncc_wta",
+        "consistency",
+        "median",
+        "support",
+        "fill",
+        "confidence",
+        "triangulate",
+        "split_triangles",
+    ),
+    ("cover", "place", "bake", "residual", "pull", "push", "encode"),
+    ("rasterise", "shade"),
+)
 
 
 @dataclass(frozen=True)
@@ -19,17 +36,38 @@ class Parameter:
     array: bool
 
 
+def together(kernel: str) -> tuple[str, ...]:
+    """The kernels of the program that a kernel is best built in, itself among them."""
+    return next((names for names in _TOGETHER if kernel in names), (kernel,))
+
+
 @cache
 def source(kernel: str, form: str = "gpu") -> str:
-    """Whole program text of a kernel: the common header, its file, and the headers that the file includes.
+    """Whole program text of a kernel alone, see `program_source`."""
+    return program_source((kernel,), form)
+
+
+@cache
+def program_source(kernels: tuple[str, ...], form: str = "gpu") -> str:
+    """Text of a program: the common header, the kernels' files, and the headers that they include, each once.
 
     The form "cpu" is NAME_cpu.cl where there is such a file; every other kernel has one form for all devices.
     """
-    file = _FOLDER / f"{kernel}_cpu.cl"
-    text = (file if form == "cpu" and file.exists() else _FOLDER / f"{kernel}.cl").read_text("utf-8")
-    # Includes are spliced in here, since not every compiler takes a folder with a space in its name.
-    text = re.sub(r'#include "(\w+\.h)"', lambda match: (_FOLDER / match[1]).read_text("utf-8"), text)
-    return (_FOLDER / "common.h").read_text("utf-8") + text
+    text = (_FOLDER / "common.h").read_text("utf-8")
+    included = set()
+
+    def include(match: re.Match[str]) -> str:
+        if match[1] in included:
+            return ""
+        included.add(match[1])
+        return (_FOLDER / match[1]).read_text("utf-8")
+
+    for kernel in kernels:
+        file = _FOLDER / f"{kernel}_cpu.cl"
+        file = file if form == "cpu" and file.exists() else _FOLDER / f"{kernel}.cl"
+        # Includes are spliced in here, since not every compiler takes a folder with a space in its name.
+        text += re.sub(r'#include "(\w+\.h)"', include, file.read_text("utf-8"))
+    return text
 
 
 @cache

@@ -4,12 +4,11 @@
 // other takes its 4 x 4 pixels, a row of which, with all their colours, is one vector.
 #include "lanes.h"
 #include "light.h"
+#include "colour.h"
 #include "cubic.h"
 #include "bake_texel.h"
 typedef ushort row_of_four __attribute__((ext_vector_type(16), aligned(2)));
 typedef float floats_of_four __attribute__((ext_vector_type(16)));
-typedef float colour __attribute__((ext_vector_type(4)));
-typedef ushort packed_colour __attribute__((ext_vector_type(4), aligned(8)));
 
 // Shares of LANES samples, as cubic_shares has them.
 inline void shares_of(lanes t, float *shares)

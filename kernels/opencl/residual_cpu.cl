@@ -4,11 +4,10 @@
 // other takes its 2 x 2 texels, two of which, with all their colours, are one vector.
 #include "lanes.h"
 #include "light.h"
+#include "colour.h"
 #include "residual_pixel.h"
 typedef ushort row_of_two __attribute__((ext_vector_type(8), aligned(2)));
 typedef float floats_of_two __attribute__((ext_vector_type(8)));
-typedef float colour __attribute__((ext_vector_type(4)));
-typedef ushort packed_colour __attribute__((ext_vector_type(4), aligned(8)));
 
 // What residual.cl computes.
 __kernel void residual(

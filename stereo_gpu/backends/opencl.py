@@ -21,7 +21,7 @@ from stereo_gpu.backends.contract import KEPT_SCRATCH_BYTES, Backend, DeviceArra
 from stereo_gpu.backends.share import processes
 from stereo_gpu.errors import BackendError, MemoryLimitError
 from stereo_gpu.kernels.geometry import Geometry, geometry
-from stereo_gpu.kernels.opencl import parameters, source
+from stereo_gpu.kernels.opencl import parameters, program_source, together
 
 _log = logging.getLogger(__name__)
 # The process that asked the drivers first: their threads do not live on in one that is forked off it.
@@ -233,7 +233,8 @@ class OpenCLBackend(Backend):
 
     def _kernel(self, kernel: str, pixel: str) -> cl.Kernel:
         if (kernel, pixel) not in self._kernels:
-            text = source(kernel, self.form)
+            names = together(kernel)
+            text = program_source(names, self.form)
             # Without -w PoCL's compiler counts its warnings on the user's terminal when it first builds a kernel.
             options = ["-cl-std=CL1.2", "-w", *pocl.build_options(self._device)]
             options += [f"-DPIXEL={pixel}"] if pixel else []
@@ -245,7 +246,7 @@ class OpenCLBackend(Backend):
                 try:
                     program = cl.Program(self._context, text)
                     program = program.build(options, cache_dir=False if self._simulated else None)
-                    self._kernels[kernel, pixel] = cl.Kernel(program, kernel)
+                    self._kernels |= {(name, pixel): cl.Kernel(program, name) for name in names}
                 except cl.Error as error:
                     failure = BackendError(f"kernel {kernel} does not compile on {self.device}: {_first_line(error)}")
                     failure.add_note(str(error))
