@@ -21,8 +21,10 @@ from stereo_gpu.config import MeshOptions
 from stereo_gpu.errors import InputError, StereoError
 from stereo_gpu.files import check_writable, write_whole
 from stereo_gpu.job import plan_job
+from stereo_gpu.mask import mask_from_file
 from stereo_gpu.match_options import Range, Window
 from stereo_gpu.pair_list import ListedPair
+from stereo_gpu.pipeline import reconstruct
 from stereo_gpu.reconstruct_many import CHECKS, check_of, how_many
 from stereo_gpu.rig import Rig
 from stereo_gpu.texture_file import check_texture_format
@@ -169,10 +171,6 @@ def make_model(
     digest = _digest(pair, wanted)
     if not again and _is_done(folder, digest):
         return {"skipped": True}
-    # Not before: a run that skips all it finds starts no device.
-    from stereo_gpu.mask import mask_from_file
-    from stereo_gpu.pipeline import reconstruct
-
     mask = None if pair.mask is None else mask_from_file(pair.mask, rig.left.size)
     result = reconstruct(pair.left, pair.right, rig, mask=mask, check=check, **options)
     also = {"batch": {"name": pair.name, "digest": digest}}

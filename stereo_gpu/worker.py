@@ -74,6 +74,7 @@ def main() -> None:
     import cv2
 
     cv2.setNumThreads(threads)
+    send(answers, "ready")
     with contextlib.suppress(EOFError, BrokenPipeError):
         while True:
             _answer(answers, task, receive(jobs), shared)

@@ -63,7 +63,8 @@ def run_jobs(
         jobs: the arguments of each call.
         shared: arguments of all calls, sent once to each process.
         workers: how many processes; None for one a core.
-        limit_s: seconds after which a job's process is killed and the job has failed; None for no limit.
+        limit_s: seconds after which a job's process is killed and the job has failed; its start does not count. None
+            for no limit.
 
     Returns:
         Gives an answer a job, in the order of the jobs.
@@ -134,29 +135,36 @@ class _Worker:
             well, result = False, self._death(error, limit_s if late.is_set() else None)
         except Exception as error:  # what cannot be pickled, here or there: half a message may lie in the pipe
             well, result = False, StageError(f"cannot be sent to another process or back: {error}")
-            self.end(kill=True)
+            self._bury()
         seconds = time.perf_counter() - start
         return Answer(result=result if well else None, error=None if well else result, seconds=seconds)
 
     def _streams(self) -> tuple[Any, Any]:
-        """The process's stdin and stdout; a new process if there is none."""
+        """The process's stdin and stdout; those of a new process, once it is ready, if there is none."""
+        process = self._process
+        if process is None or process.poll() is not None:
+            self._bury()
+            process = self._start()
+            for message in (sys.path, self._setup):
+                send(process.stdin, message)  # type: ignore[arg-type]
+            receive(process.stdout)  # type: ignore[arg-type]
+        return process.stdin, process.stdout
+
+    def _start(self) -> subprocess.Popen[bytes]:
         with self._starting:
             if self._stopped:
                 raise EOFError("no more processes are started")
-            process = self._process
-            if process is None or process.poll() is not None:
-                process = self._process = subprocess.Popen(
-                    [sys.executable, "-P", str(_SCRIPT)],
-                    stdin=subprocess.PIPE,
-                    stdout=subprocess.PIPE,
-                    env=self._environment,
-                    pipesize=_PIPE_BYTES,
-                    # Its own group, so that Ctrl-C reaches this process alone, and all that it starts ends with it.
-                    process_group=0 if hasattr(os, "killpg") else None,
-                )
-                for message in (sys.path, self._setup):
-                    send(process.stdin, message)  # type: ignore[arg-type]
-        return process.stdin, process.stdout
+            self._process = None
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", str(_SCRIPT)],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                env=self._environment,
+                pipesize=_PIPE_BYTES,
+                # Its own group, so that Ctrl-C reaches this process alone, and all that it starts ends with it.
+                process_group=0 if hasattr(os, "killpg") else None,
+            )
+            return self._process
 
     @contextmanager
     def _limit(self, limit_s: float | None, late: threading.Event) -> Iterator[None]:
@@ -166,21 +174,23 @@ class _Worker:
             late.set()
             self.end(kill=True)
 
-        timer = threading.Timer(limit_s or 0, stop)
-        if limit_s is not None:
-            timer.start()
+        if limit_s is None:
+            yield
+            return
+        timer = threading.Timer(limit_s, stop)
+        timer.start()
         try:
             yield
         finally:
             timer.cancel()
+            timer.join()  # or it might kill the process during the next job
+            if late.is_set():
+                self._bury()
 
     def _death(self, error: Exception, limit_s: float | None) -> StageError:
-        process = self._process
-        if process is None:
+        status = self._bury()
+        if status is None:
             return StageError(f"its process cannot be started ({error}): close other programs, or use fewer workers")
-        self.end(kill=True)  # what it started, too
-        status = process.wait()
-        _close(process)
         if limit_s is not None:
             return StageError(f"took over {limit_s:g} s and was stopped: allow more time, or use smaller pictures")
         if status == -9:
@@ -188,9 +198,22 @@ class _Worker:
         how = f"signal {signal.Signals(-status).name}" if status < 0 else f"exit status {status}"
         return StageError(f"its process ended by {how}: try the pair by itself, or another backend")
 
+    def _bury(self) -> int | None:
+        """Make sure that the process is gone, and all that it started; returns its exit status, None without one."""
+        if self._process is None:
+            return None
+        self.end(kill=True)
+        status = self._process.wait()
+        for stream in (self._process.stdin, self._process.stdout):
+            assert stream is not None
+            with suppress(OSError):  # what could not be written any more
+                stream.close()
+        return status
+
     def end(self, *, kill: bool) -> None:
         """Signal the process and all that it started."""
-        if self._process is None:
+        # Once it has been waited for, its number may be another's.
+        if self._process is None or self._process.returncode is not None:
             return
         with suppress(OSError):  # it is gone already
             if hasattr(os, "killpg"):
@@ -208,14 +231,9 @@ class _Worker:
         """Wait for the end that was asked for, and kill the process if it does not come."""
         if self._process is None:
             return
-        try:
+        with suppress(subprocess.TimeoutExpired):
             self._process.wait(seconds)
-        except subprocess.TimeoutExpired:
-            pass
-        finally:
-            self.end(kill=True)
-            self._process.wait()
-            _close(self._process)
+        self._bury()
 
 
 def _stop(crew: list[_Worker]) -> None:
@@ -225,10 +243,3 @@ def _stop(crew: list[_Worker]) -> None:
         worker.stop()
     for worker in crew:
         worker.wait(max(0.0, end - time.monotonic()))
-
-
-def _close(process: subprocess.Popen[bytes]) -> None:
-    for stream in (process.stdin, process.stdout):
-        assert stream is not None
-        with suppress(OSError):  # what could not be written any more
-            stream.close()
