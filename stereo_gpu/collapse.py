@@ -23,8 +23,9 @@ _AGGRESSION = 5.0
 # What a disparity counts against a pixel across: it is known to a tenth of a pixel, an outline to half of one. From 1
 # to 4 triangles get rounder, and the surface nearer to the truth.
 _RELIEF = np.array([1.0, 1.0, 4.0])
-# How far below the surface walls end, px, and the side of the squares in which they end in one point.
-_DEEP_PX, _SQUARE_PX = 10_000.0, 64.0
+# How far below the surface walls end, px; up to how many of them in one point, and else the side of the squares each
+# of which has one.
+_DEEP_PX, _AT_ONE_POINT, _SQUARE_PX = 10_000.0, 1000, 64.0
 # The number of border edges falls with about this power of the number of triangles.
 _BORDER_POWER = 0.22
 _TRIES = 5  # to come below the number of triangles
@@ -110,7 +111,7 @@ def _walls(corners: Doubles, faces: Ints, seam: NDArray[np.int64]) -> tuple[Doub
     if len(seam):
         open_to_air = ~np.isin(end.astype(np.int64) * len(corners) + start, seam)
         start, end = start[open_to_air], end[open_to_air]
-    square = np.floor(corners[start, :2] / _SQUARE_PX).astype(np.int64)
+    square = np.floor(corners[start, :2] / (_SQUARE_PX if len(start) > _AT_ONE_POINT else np.inf)).astype(np.int64)
     square -= square.min(axis=0, initial=0)
     _, first, group = np.unique(square[:, 0] << 32 | square[:, 1], return_index=True, return_inverse=True)
     feet = corners[start[first]] - (0.0, 0.0, _DEEP_PX)

@@ -38,8 +38,8 @@ def decimate(surface: Surface, target_faces: int, frame: ViewFrame, *, error: fl
 
     Args:
         surface: the mesh, every vertex before the camera.
-        target_faces: how many triangles to keep at most; a mesh with no more than that is returned as it is. Not used
-            with `error`.
+        target_faces: how many triangles to keep at most, where each part of the mesh can do with few; a mesh with no
+            more than that is returned as it is. Not used with `error`.
         frame: of the view that sees the surface.
         error: how far the surface may move, in its unit.
 

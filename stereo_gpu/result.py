@@ -46,7 +46,7 @@ class Reconstruction:
         mask: (H, W) uint8 on the reference view, 1 where it was to be matched.
         disparity: the disparity map on the reference view.
         points: (H, W, 3) float32 in the pair's unit, frame of the rectified left camera; NaN where there is none.
-        surface: the dense mesh; smoothed: decimated and smoothed.
+        surface: the mesh of the map; smoothed: smoothed and decimated.
         mesh: the textured mesh.
         inputs: name and sha256 of each picture.
         options: every option as used.
@@ -245,7 +245,7 @@ class Reconstruction:
             ),
             Figure(
                 name="Smoothed",
-                caption=f"{len(self.smoothed.faces):,} triangles after decimation and smoothing.",
+                caption=f"{len(self.smoothed.faces):,} triangles after smoothing and decimation.",
                 picture=render(self.smoothed, shading=Shading.PLAIN, yaw=YAW, pitch=PITCH, device=device),
             ),
             Figure(
