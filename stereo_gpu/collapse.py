@@ -60,6 +60,8 @@ def _collapse_loose(
     corners: Doubles, faces: Ints, target_faces: int, frame: ViewFrame, seam: NDArray[np.int64]
 ) -> tuple[Doubles, Ints]:
     """`collapse` for faces none of which is fixed, but for their sides in `seam` (start times N plus end)."""
+    if not len(faces):
+        return corners, faces
     kept, left = _reduce(corners, faces, target_faces, seam, _BORDER_POWER)
     for _ in range(_TRIES):
         if len(left) <= target_faces or len(seam):

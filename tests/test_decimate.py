@@ -97,6 +97,22 @@ def test_the_surface_moves_by_no_more_than_the_error(scene, error):
         assert off.max() <= error
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_riddled_maps_come_out_whole(seed):
+    """Noise, a jump and holes everywhere, down to a few triangles; and an error that little can be done about."""
+    rng = np.random.default_rng(seed)
+    disparity = np.maximum(20 + rng.normal(0, 0.4, (30, 44)) + 5 * (np.arange(44) > 22), 1)
+    disparity[rng.random((30, 44)) < 0.25] = np.nan
+    surface = build_mesh(*triangulated(FOCAL * BASELINE / disparity), method="dense", smallest_part=0, centre=CENTRE)
+    for count in (len(surface.faces) // 2, len(surface.faces) // 8, 20):
+        small = decimate(surface, count, FRAME)
+        assert 0 < len(small.faces) <= count
+        check_valid(seen(small.vertices), small.faces)
+    for error in (0.1, 1000.0):
+        small = decimate(surface, 0, FRAME, error=error)
+        check_valid(seen(small.vertices), small.faces)
+
+
 def test_a_larger_error_leaves_fewer_triangles(scene):
     counts = [len(decimate(scene, 0, FRAME, error=error).faces) for error in (1.0, 4.0, 16.0)]
     assert counts[0] > counts[1] > counts[2]
