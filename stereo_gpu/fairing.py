@@ -133,10 +133,12 @@ def _expectation(corners: Doubles, weights: Any, slopes: Doubles) -> tuple[Any, 
     across = (yy * away_x - xy * away_y) / determinant
     down = (xx * away_y - xy * away_x) / determinant
     result = weights.copy()
-    row = np.repeat(np.arange(len(x)), np.diff(weights.indptr))
-    column = weights.indices
-    share = 1 + across[row] * (x[column] - mx[row]) + down[row] * (y[column] - my[row])
-    result.data = weights.data * share / total[row]
+    count, column = np.diff(weights.indptr), weights.indices
+    level = (1 - across * mx - down * my) / total
+    share = np.repeat(level, count)
+    share += np.repeat(across / total, count) * x[column]
+    share += np.repeat(down / total, count) * y[column]
+    result.data = weights.data * share
     return result, slopes[:, 0] * (x - result @ x) + slopes[:, 1] * (y - result @ y)
 
 
