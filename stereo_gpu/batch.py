@@ -17,18 +17,18 @@ from pathlib import Path
 from typing import Any
 
 from stereo_gpu.backends import open_backend
+from stereo_gpu.batching.pair_list import ListedPair
+from stereo_gpu.batching.workers import run_jobs
 from stereo_gpu.config import MeshOptions
 from stereo_gpu.errors import InputError, StereoError
 from stereo_gpu.files import check_writable, write_whole
 from stereo_gpu.job import plan_job
 from stereo_gpu.mask import mask_from_file
 from stereo_gpu.match_options import Range, Window
-from stereo_gpu.pair_list import ListedPair
+from stereo_gpu.model_files.texture_file import check_texture_format
 from stereo_gpu.pipeline import reconstruct
 from stereo_gpu.reconstruct_many import CHECKS, check_of, how_many
 from stereo_gpu.rig import Rig
-from stereo_gpu.texture_file import check_texture_format
-from stereo_gpu.workers import run_jobs
 
 FAILED_NAME = "failed.jsonl"
 RESULT_NAME = "result.json"

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stereo_gpu.errors import InputError
-from stereo_gpu.membrane import Places, relax
+from stereo_gpu.meshing.membrane import Places, relax
 from stereo_gpu.types import Disparity, Floats, Validity, View
 
 # px: how far a surface goes on beyond its last measured pixel, where nothing bounds the hole on the other side.

@@ -6,13 +6,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_gpu.collapse import collapse
-from stereo_gpu.compare_surfaces import compare
 from stereo_gpu.errors import InputError, StageError
-from stereo_gpu.height_map import height_and_owner
 from stereo_gpu.mesh import compact
+from stereo_gpu.meshing.collapse import collapse
+from stereo_gpu.meshing.compare_surfaces import compare
+from stereo_gpu.meshing.height_map import height_and_owner
+from stereo_gpu.meshing.view_frame import ViewFrame
 from stereo_gpu.types import Doubles, Ints, Surface
-from stereo_gpu.view_frame import ViewFrame
 
 # Shares of the triangles that are tried for an error; places that move too far are then fixed and the rest is tried
 # again, so often.

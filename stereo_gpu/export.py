@@ -10,14 +10,14 @@ import os
 from pathlib import Path
 
 from stereo_gpu.errors import InputError
-from stereo_gpu.export_frame import check_mesh
-from stereo_gpu.export_gltf import write_glb
-from stereo_gpu.export_obj import write_obj
-from stereo_gpu.export_ply import write_ply, write_ply_mesh
-from stereo_gpu.export_vtp import write_vtp
 from stereo_gpu.files import whole_folder
+from stereo_gpu.model_files.frame import check_mesh
+from stereo_gpu.model_files.gltf import write_glb
+from stereo_gpu.model_files.obj import write_obj
+from stereo_gpu.model_files.ply import write_ply, write_ply_mesh
+from stereo_gpu.model_files.texture_file import pack_texture
+from stereo_gpu.model_files.vtp import write_vtp
 from stereo_gpu.pfm import read_pfm, write_pfm
-from stereo_gpu.texture_file import pack_texture
 from stereo_gpu.types import Mesh
 
 __all__ = [

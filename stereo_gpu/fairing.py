@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stereo_gpu.errors import InputError
-from stereo_gpu.outline import smooth_outline
+from stereo_gpu.meshing.outline import smooth_outline
+from stereo_gpu.meshing.view_frame import ViewFrame
 from stereo_gpu.types import Doubles, Ints, Surface
-from stereo_gpu.view_frame import ViewFrame
 
 # Taubin's lambda: the share of the way to what the neighbours expect.
 _FORWARD = 0.5

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stereo_gpu.errors import InputError
-from stereo_gpu.membrane import relax
+from stereo_gpu.meshing.membrane import relax
 from stereo_gpu.types import Disparity, Floats, Validity
 
 AROUND = 2  # px around steep pixels that are drawn smooth with them

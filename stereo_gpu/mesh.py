@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stereo_gpu.backends import Backend, open_backend
-from stereo_gpu.bounded_mesh import bounded_triangles
-from stereo_gpu.cell_triangles import dense_triangles
 from stereo_gpu.errors import InputError, StageError
-from stereo_gpu.mesh_parts import covered_pixels, number_parts
-from stereo_gpu.sight import find_leaning, seen_openly
+from stereo_gpu.meshing.bounded_mesh import bounded_triangles
+from stereo_gpu.meshing.cell_triangles import dense_triangles
+from stereo_gpu.meshing.parts import covered_pixels, number_parts
+from stereo_gpu.meshing.sight import find_leaning, seen_openly
 from stereo_gpu.types import Doubles, Floats, Ints, Surface
 
 METHODS = ("bounded", "dense")

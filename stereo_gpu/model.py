@@ -9,11 +9,11 @@ from stereo_gpu.config import MeshOptions
 from stereo_gpu.decimate import decimate
 from stereo_gpu.fairing import fair
 from stereo_gpu.mesh import build_mesh
+from stereo_gpu.meshing.view_frame import ViewFrame
 from stereo_gpu.texture import bake_texture, project
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.types import Floats, Mesh, RectifiedPair, Surface, View
 from stereo_gpu.unwrap import Unwrapped, unwrap
-from stereo_gpu.view_frame import ViewFrame
 
 
 @dataclass(frozen=True, kw_only=True)

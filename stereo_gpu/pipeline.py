@@ -18,7 +18,6 @@ from stereo_gpu.close_holes import close_holes
 from stereo_gpu.config import Checking, MeshOptions
 from stereo_gpu.disparity_range import find_range
 from stereo_gpu.errors import InputError
-from stereo_gpu.export_frame import check_shown
 from stereo_gpu.images import check_pair, read_image
 from stereo_gpu.job import Job, Rectangle, check_against, parse_check, plan_job
 from stereo_gpu.known_distance import KnownDistance, scale_to
@@ -26,6 +25,7 @@ from stereo_gpu.level_spikes import level_spikes
 from stereo_gpu.mask import mask_from_depth, mask_from_rectangle
 from stereo_gpu.match_options import Range, Window
 from stereo_gpu.model import build_model
+from stereo_gpu.model_files.frame import check_shown
 from stereo_gpu.prepare import find_levels, grey_scale
 from stereo_gpu.rectify import DevicePair, check_sizes, download_pair, plan_rectification, rectify_on
 from stereo_gpu.result import Reconstruction

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from stereo_gpu.errors import InputError
-from stereo_gpu.glb_file import DAMAGE, GlbFile, as_object, open_glb
-from stereo_gpu.glb_textures import SIDE_LIMIT, Paint, lay_out, read_paint
+from stereo_gpu.model_files.glb_file import DAMAGE, GlbFile, as_object, open_glb
+from stereo_gpu.model_files.glb_textures import SIDE_LIMIT, Paint, lay_out, read_paint
 from stereo_gpu.types import Doubles, Floats, Ints, Mesh
 
 FACE_LIMIT = 20_000_000

@@ -9,6 +9,7 @@ from typing import Any
 
 from stereo_gpu.backends import Backend, open_backend
 from stereo_gpu.backends.share import usable_cores
+from stereo_gpu.batching.workers import Answer, run_jobs
 from stereo_gpu.config import MeshOptions
 from stereo_gpu.errors import InputError, StereoError
 from stereo_gpu.job import Rectangle, plan_job
@@ -16,7 +17,6 @@ from stereo_gpu.match_options import Range, Window
 from stereo_gpu.pipeline import Source, reconstruct
 from stereo_gpu.rig import Rig
 from stereo_gpu.types import Bytes
-from stereo_gpu.workers import Answer, run_jobs
 
 CHECKS = ("first", "every", "never")
 MOST_ON_A_GPU = 8  # workers: each has a context of its own there, of some hundred MB

@@ -12,9 +12,9 @@ from enum import StrEnum
 import numpy as np
 
 from stereo_gpu.backends import Backend, open_backend
+from stereo_gpu.drawing.orbit import Orbit, frame, spread
+from stereo_gpu.drawing.raster import Paint, place_on_screen, rasterise, shade, shrink_by_halves
 from stereo_gpu.errors import InputError, StageError
-from stereo_gpu.orbit import Orbit, frame, spread
-from stereo_gpu.raster import Paint, place_on_screen, rasterise, shade, shrink_by_halves
 from stereo_gpu.types import Bytes, Doubles, Floats, Ints, Mesh, Surface
 
 Colour = tuple[int, int, int]

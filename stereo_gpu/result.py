@@ -17,19 +17,19 @@ import numpy as np
 from stereo_gpu import export, figures
 from stereo_gpu.backends import open_backend
 from stereo_gpu.check_figure import draw_check
+from stereo_gpu.drawing.points import render_points
 from stereo_gpu.epipolar.figure import draw_epipolar_curves
 from stereo_gpu.errors import InputError
-from stereo_gpu.export_gltf import standpoint
 from stereo_gpu.files import whole_folder, write_whole
 from stereo_gpu.images import write_png
+from stereo_gpu.model_files.gltf import standpoint
+from stereo_gpu.model_files.texture_file import check_texture_format, pack_texture
 from stereo_gpu.prepare import grey_scale
 from stereo_gpu.render import Shading, render
-from stereo_gpu.render_points import render_points
 from stereo_gpu.report import Figure, write_report
 from stereo_gpu.rig import Rig
 from stereo_gpu.rig_check import RigCheck
 from stereo_gpu.self_calibrate import RigFound
-from stereo_gpu.texture_file import check_texture_format, pack_texture
 from stereo_gpu.types import Bytes, Disparity, Floats, Mesh, Picture, RectifiedPair, Surface, Validity, View
 
 # From the front every model looks like the photograph; a little from the side its depth can be judged.

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from stereo_gpu.errors import InputError, StageError
 from stereo_gpu.types import Doubles, Floats, Ints, Surface
-from stereo_gpu.unwrap_charts import find_charts, signed_areas, tiles_of
-from stereo_gpu.unwrap_child import LateError, NoAnswerError
-from stereo_gpu.unwrap_pack import find_cells, pack
-from stereo_gpu.unwrap_parts import parts
-from stereo_gpu.unwrap_pool import shared_pool
+from stereo_gpu.unwrapping.charts import find_charts, signed_areas, tiles_of
+from stereo_gpu.unwrapping.child import LateError, NoAnswerError
+from stereo_gpu.unwrapping.pack import find_cells, pack
+from stereo_gpu.unwrapping.parts import parts
+from stereo_gpu.unwrapping.pool import shared_pool
 
 _Indices = NDArray[np.integer]
 

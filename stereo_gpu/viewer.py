@@ -14,10 +14,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from stereo_gpu.drawing.orbit import orbit, spread
 from stereo_gpu.errors import StageError
-from stereo_gpu.export_frame import METRES_SHOWN
-from stereo_gpu.export_gltf import pack_glb
-from stereo_gpu.orbit import orbit, spread
+from stereo_gpu.model_files.frame import METRES_SHOWN
+from stereo_gpu.model_files.gltf import pack_glb
 from stereo_gpu.types import Mesh
 
 log = logging.getLogger(__name__)

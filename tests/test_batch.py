@@ -12,11 +12,11 @@ from pathlib import Path
 import pytest
 
 from stereo_gpu.batch import reconstruct_batch
+from stereo_gpu.batching.pair_list import list_pairs
 from stereo_gpu.cli import main
 from stereo_gpu.config import MeshOptions
 from stereo_gpu.errors import InputError
 from stereo_gpu.images import read_image, write_png
-from stereo_gpu.pair_list import list_pairs
 from stereo_gpu.rig import Rig
 
 QUICK = ["--profile", "fast", "--disparities", "16,44", "--faces", "2000", "--unwrap", "view"]
@@ -153,7 +153,7 @@ def test_a_batch_whose_process_is_killed_goes_on(pairs, tmp_path):
     first = [next(done), next(done)]
     assert not left.exists()
     for worker in children(os.getpid()):
-        if b"worker.py" in Path(f"/proc/{worker}/cmdline").read_bytes():
+        if b"batching/worker.py" in Path(f"/proc/{worker}/cmdline").read_bytes():
             os.kill(worker, signal.SIGKILL)
     rest = [*first, *done]
     failed = [each.pair.name for each in rest if each.error is not None]

@@ -8,11 +8,11 @@ from surfaces import BASELINE, CENTRE, FOCAL, normals, plane, signed_areas, tria
 
 import stereo_gpu as sg
 from stereo_gpu.backends import open_backend
-from stereo_gpu.bounded_mesh import LARGEST_SIDE, bounded_triangles
-from stereo_gpu.cell_triangles import dense_triangles
 from stereo_gpu.errors import StageError
 from stereo_gpu.mesh import build_mesh
-from stereo_gpu.mesh_parts import covered_pixels, number_parts
+from stereo_gpu.meshing.bounded_mesh import LARGEST_SIDE, bounded_triangles
+from stereo_gpu.meshing.cell_triangles import dense_triangles
+from stereo_gpu.meshing.parts import covered_pixels, number_parts
 from stereo_gpu.scene_render import render_pair
 
 ERROR, JUMP = 0.25, 3.0

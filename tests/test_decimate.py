@@ -5,15 +5,15 @@ import pytest
 from mesh_measures import check_valid, smallest_angles, stray
 from surfaces import BASELINE, CENTRE, FOCAL, ball, from_ball, plane, seen, signed_areas, triangulated
 
-from stereo_gpu.compare_surfaces import compare
 from stereo_gpu.decimate import decimate
 from stereo_gpu.errors import InputError, StageError
 from stereo_gpu.evaluation.pairs import load_pair
 from stereo_gpu.fairing import fair
 from stereo_gpu.match import match
 from stereo_gpu.mesh import build_mesh
+from stereo_gpu.meshing.compare_surfaces import compare
+from stereo_gpu.meshing.view_frame import ViewFrame
 from stereo_gpu.types import Surface
-from stereo_gpu.view_frame import ViewFrame
 
 FRAME = ViewFrame(FOCAL, BASELINE, CENTRE)
 

@@ -6,9 +6,9 @@ from surfaces import BASELINE, CENTRE, FOCAL, ball, from_ball, normals, plane, s
 from stereo_gpu.errors import InputError, StageError
 from stereo_gpu.fairing import fair
 from stereo_gpu.mesh import build_mesh
-from stereo_gpu.outline import smooth_outline
+from stereo_gpu.meshing.outline import smooth_outline
+from stereo_gpu.meshing.view_frame import ViewFrame
 from stereo_gpu.types import Surface
-from stereo_gpu.view_frame import ViewFrame
 
 FRAME = ViewFrame(FOCAL, BASELINE, CENTRE)
 

@@ -5,8 +5,8 @@ import pytest
 
 from stereo_gpu.errors import InputError
 from stereo_gpu.level_spikes import FROM_EDGE, level_spikes
-from stereo_gpu.membrane import relax
 from stereo_gpu.mesh import build_mesh
+from stereo_gpu.meshing.membrane import relax
 from stereo_gpu.types import Disparity, Validity, View
 
 HEIGHT, WIDTH, FOCAL, BASELINE = 80, 113, 400.0, 50.0

@@ -2,8 +2,8 @@
 
 import pytest
 
+from stereo_gpu.batching.pair_list import list_pairs
 from stereo_gpu.errors import InputError
-from stereo_gpu.pair_list import list_pairs
 
 
 def touch(folder, *names):

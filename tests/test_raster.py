@@ -6,7 +6,7 @@ import pytest
 import reference
 from test_gpu_forms import opened
 
-from stereo_gpu.raster import Paint, place_on_screen, rasterise, shade, shrink_by_halves
+from stereo_gpu.drawing.raster import Paint, place_on_screen, rasterise, shade, shrink_by_halves
 
 COLOURS = np.array([[233, 236, 240], [34, 58, 94]], np.uint8)
 

@@ -8,7 +8,7 @@ import trimesh
 
 from stereo_gpu.errors import InputError, PictureError
 from stereo_gpu.export import write_glb
-from stereo_gpu.glb_textures import CLAY
+from stereo_gpu.model_files.glb_textures import CLAY
 from stereo_gpu.read_model import read_glb
 from stereo_gpu.types import Mesh
 

@@ -110,7 +110,7 @@ def test_trimesh_reads_the_letter(folder, board, name, metres, tolerance):
 
 
 def test_trimesh_starts_at_our_camera(board, tmp_path):
-    from stereo_gpu.export_gltf import Standpoint
+    from stereo_gpu.model_files.gltf import Standpoint
 
     camera = Standpoint(name="right camera", right=120.0, half_width=0.5, half_height=0.4)
     scene = trimesh.load_scene(write_glb(tmp_path / "model.glb", board, camera=camera))

@@ -4,7 +4,7 @@ import pytest
 
 from stereo_gpu.errors import InputError
 from stereo_gpu.images import decode_image
-from stereo_gpu.texture_file import TEXTURE_FORMATS, pack_texture
+from stereo_gpu.model_files.texture_file import TEXTURE_FORMATS, pack_texture
 
 
 @pytest.fixture(scope="module")

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from mesh_measures import check_valid, directed, smallest_angles
 
-from stereo_gpu.turn_edges import turn_edges, twins
+from stereo_gpu.meshing.turn_edges import turn_edges, twins
 
 
 def flat(places):

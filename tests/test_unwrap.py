@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 from surfaces import CENTRE, ball, plane, seen, signed_areas, triangulated
 
-from stereo_gpu import unwrap_charts
 from stereo_gpu.errors import InputError, StageError
 from stereo_gpu.mesh import build_mesh
 from stereo_gpu.types import Surface
 from stereo_gpu.unwrap import unwrap
-from stereo_gpu.unwrap_pack import find_cells
-from stereo_gpu.unwrap_parts import parts
+from stereo_gpu.unwrapping.pack import find_cells
+from stereo_gpu.unwrapping.parts import parts
 
 SHIFT = (50.0, 40.0)
 METHODS = ("charts", "view")
@@ -32,7 +31,7 @@ def view_uv(scene):
 def small_tiles():
     """So that there are several, with seams between them."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(unwrap_charts, "_FACES_PER_TILE", 4000)
+        patch.setattr("stereo_gpu.unwrapping.charts._FACES_PER_TILE", 4000)
         yield
 
 

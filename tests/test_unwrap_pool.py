@@ -15,12 +15,11 @@ from surfaces import CENTRE, ball, seen, triangulated
 
 import stereo_gpu
 from stereo_gpu import unwrap as unwrap_module
-from stereo_gpu import unwrap_charts, unwrap_child, unwrap_pool
 from stereo_gpu.errors import InputError
 from stereo_gpu.mesh import build_mesh
 from stereo_gpu.unwrap import unwrap
-from stereo_gpu.unwrap_child import Child, NoAnswerError, Question
-from stereo_gpu.unwrap_pool import WorkerPool
+from stereo_gpu.unwrapping.child import Child, NoAnswerError, Question
+from stereo_gpu.unwrapping.pool import PROCESSES, WorkerPool, _how_many, shared_pool
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks at processes through /proc")
 
@@ -158,7 +157,7 @@ def test_many_threads_share_the_children(pool):
 
 
 def test_tiles_without_an_answer_take_the_view_and_the_result_says_so(pool, scene, monkeypatch):
-    monkeypatch.setattr(unwrap_charts, "_FACES_PER_TILE", 600)
+    monkeypatch.setattr("stereo_gpu.unwrapping.charts._FACES_PER_TILE", 600)
     surface, view_uv = scene
     whole = unwrap(surface, view_uv)
     assert (whole.method, whole.reason) == ("xatlas", None)
@@ -193,7 +192,7 @@ def test_a_process_that_cannot_start_gives_the_view_and_the_reason(pool, scene, 
         (sys.executable, empty, "xatlas ended with status 1: ModuleNotFoundError: No module named 'a_package_that"),
     ):
         monkeypatch.setattr(sys, "executable", executable)
-        monkeypatch.setattr(unwrap_child, "_WORKER", worker)
+        monkeypatch.setattr("stereo_gpu.unwrapping.child._WORKER", worker)
         view = unwrap(surface, view_uv)
         assert view.method == "view"
         assert view.reason.startswith(f"the view's own coordinates instead of charts: {reason}")
@@ -205,7 +204,7 @@ import sys, time
 import numpy as np
 from stereo_gpu.types import Surface
 from stereo_gpu.unwrap import unwrap
-from stereo_gpu.unwrap_pool import shared_pool
+from stereo_gpu.unwrapping.pool import shared_pool
 vertices = np.array([[0, 0, 9], [0, 4, 9], [4, 4, 9], [4, 0, 9]], np.float32)
 faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
 print(unwrap(Surface(vertices=vertices, faces=faces), vertices[:, :2] * 10).method)
@@ -237,14 +236,14 @@ def test_children_end_with_their_parent(tmp_path, way):
 
 def unwrap_in_fork(scene, answer):
     surface, view_uv = scene
-    answer.send((unwrap(surface, view_uv).method, pids(unwrap_pool.shared_pool())))
+    answer.send((unwrap(surface, view_uv).method, pids(shared_pool())))
 
 
 @pytest.mark.filterwarnings("ignore:This process .* is multi-threaded:DeprecationWarning")
 def test_a_fork_starts_children_of_its_own(scene):
     surface, view_uv = scene
     assert unwrap(surface, view_uv).method == "xatlas"
-    ours = pids(unwrap_pool.shared_pool())
+    ours = pids(shared_pool())
     context = multiprocessing.get_context("fork")
     here, there = context.Pipe()
     fork = context.Process(target=unwrap_in_fork, args=(scene, there))
@@ -254,25 +253,25 @@ def test_a_fork_starts_children_of_its_own(scene):
     fork.join(30)
     assert method == "xatlas" and theirs and not theirs & ours
     assert wait_until(lambda: all(state(pid) in (None, "Z") for pid in theirs))
-    assert unwrap(surface, view_uv).method == "xatlas" and pids(unwrap_pool.shared_pool()) >= ours
+    assert unwrap(surface, view_uv).method == "xatlas" and pids(shared_pool()) >= ours
 
 
 @pytest.mark.parametrize("given", ["0", "two", "-1", ""])
 def test_a_wrong_number_of_processes(given, monkeypatch):
-    monkeypatch.setenv(unwrap_pool.PROCESSES, given)
-    monkeypatch.setattr(unwrap_pool, "_pool", None)
+    monkeypatch.setenv(PROCESSES, given)
+    monkeypatch.setattr("stereo_gpu.unwrapping.pool._pool", None)
     with pytest.raises(InputError, match="STEREO_GPU_UNWRAP_PROCESSES is "):
-        unwrap_pool.shared_pool()
+        shared_pool()
 
 
 def test_the_number_of_processes(monkeypatch):
-    monkeypatch.setenv(unwrap_pool.PROCESSES, "3")
-    assert unwrap_pool._how_many() == 3
-    monkeypatch.delenv(unwrap_pool.PROCESSES)
+    monkeypatch.setenv(PROCESSES, "3")
+    assert _how_many() == 3
+    monkeypatch.delenv(PROCESSES)
     monkeypatch.delenv("STEREO_GPU_PROCESSES", raising=False)
-    assert unwrap_pool._how_many() == len(os.sched_getaffinity(0))
+    assert _how_many() == len(os.sched_getaffinity(0))
     monkeypatch.setenv("STEREO_GPU_PROCESSES", "1000")  # as for a worker of a batch
-    assert unwrap_pool._how_many() == 1
+    assert _how_many() == 1
 
 
 def test_children_can_be_started_ahead(pool):

@@ -8,8 +8,8 @@ import pytest
 import worker_tasks
 
 from stereo_gpu.backends.share import PROCESSES, usable_cores
+from stereo_gpu.batching.workers import WAITING_EACH, run_jobs
 from stereo_gpu.errors import InputError, StageError
-from stereo_gpu.workers import WAITING_EACH, run_jobs
 
 
 def gone(pid):

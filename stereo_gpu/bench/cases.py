@@ -13,11 +13,11 @@ from stereo_gpu.backends import Backend
 from stereo_gpu.bench import peers
 from stereo_gpu.bench.peers import Peer
 from stereo_gpu.bench.scene import BenchScene, mesh_of
-from stereo_gpu.bounded_mesh import bounded_triangles
 from stereo_gpu.config import PROFILES, MatchOptions, Profile
 from stereo_gpu.device_match import download_disparity, match_on
 from stereo_gpu.flat_surfaces import Surroundings, settle
 from stereo_gpu.match_options import choose_options
+from stereo_gpu.meshing.bounded_mesh import bounded_triangles
 from stereo_gpu.prepare import GreyLevels, Levels, make_grey, sum_windows
 from stereo_gpu.rectify import plan_rectification, rectify_on
 from stereo_gpu.render import render

@@ -26,7 +26,7 @@ from stereo_gpu.progress import BAR_WIDTH, CLEAR_LINE
 
 if TYPE_CHECKING:
     from stereo_gpu.batch import Done
-    from stereo_gpu.pair_list import ListedPair
+    from stereo_gpu.batching.pair_list import ListedPair
     from stereo_gpu.rig import Rig
 
 RECENT = 64  # pairs over which the rate is taken
@@ -79,8 +79,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Reconstruct every pair, and tell how far it is, what failed and how fast it was."""
     from stereo_gpu.batch import FAILED_NAME, reconstruct_batch
+    from stereo_gpu.batching.pair_list import list_pairs
     from stereo_gpu.errors import StageError
-    from stereo_gpu.pair_list import list_pairs
 
     # A service stops its programs by SIGTERM: that ends the work as Ctrl-C does.
     signal.signal(signal.SIGTERM, _interrupt)

@@ -13,13 +13,13 @@ from stereo_gpu.decimate import decimate
 from stereo_gpu.errors import InputError
 from stereo_gpu.evaluation.pairs import TruePair
 from stereo_gpu.fairing import fair
-from stereo_gpu.height_map import height_map
 from stereo_gpu.mesh import build_mesh
+from stereo_gpu.meshing.height_map import height_map
+from stereo_gpu.meshing.view_frame import ViewFrame
 from stereo_gpu.result import Reconstruction
 from stereo_gpu.scene import Scene
 from stereo_gpu.scene_truth import surface_distance, truth
 from stereo_gpu.types import Doubles, RectifiedPair, Surface, View
-from stereo_gpu.view_frame import ViewFrame
 
 FEW = 20_000  # triangles
 DENSE, BOUNDED, SMOOTHED, DECIMATED = "dense", "bounded", "smoothed", f"decimated to {FEW:,}"

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stereo_gpu.backends import Backend
-from stereo_gpu.raster import place_on_screen, rasterise
+from stereo_gpu.drawing.raster import place_on_screen, rasterise
 from stereo_gpu.texture import project
 from stereo_gpu.types import Bytes, Doubles, Mesh, Picture, RectifiedPair, View
 

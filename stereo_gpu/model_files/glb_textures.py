@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 
 from stereo_gpu.errors import InputError
-from stereo_gpu.glb_file import GlbFile, as_object
 from stereo_gpu.images import decode_image
+from stereo_gpu.model_files.glb_file import GlbFile, as_object
 from stereo_gpu.types import Bytes, Doubles, Floats
 
 SIDE_LIMIT = 16_384  # px of the sheet

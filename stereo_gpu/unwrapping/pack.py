@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stereo_gpu.types import Doubles, Ints
-from stereo_gpu.unwrap_child import NoAnswerError, Question
-from stereo_gpu.unwrap_pool import WorkerPool
+from stereo_gpu.unwrapping.child import NoAnswerError, Question
+from stereo_gpu.unwrapping.pool import WorkerPool
 
 _Indices = NDArray[np.integer]
 

@@ -12,9 +12,9 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from stereo_gpu.export_frame import METRES_SHOWN, check_mesh, to_viewer
 from stereo_gpu.files import write_whole
-from stereo_gpu.texture_file import check_texture_format, pack_texture
+from stereo_gpu.model_files.frame import METRES_SHOWN, check_mesh, to_viewer
+from stereo_gpu.model_files.texture_file import check_texture_format, pack_texture
 from stereo_gpu.types import UNSCALED, Floats, Mesh, RectifiedPair, View
 
 _ARRAY_BUFFER, _ELEMENT_ARRAY_BUFFER = 34962, 34963

@@ -11,14 +11,14 @@ import threading
 from dataclasses import dataclass
 from pathlib import Path
 
-from stereo_gpu.unwrap_worker import Arrays, read_frame, write_frame
+from stereo_gpu.unwrapping.worker import Arrays, read_frame, write_frame
 
-_WORKER = Path(__file__).with_name("unwrap_worker.py")
+_WORKER = Path(__file__).with_name("worker.py")
 
 
 @dataclass(frozen=True)
 class Question:
-    """What a child is asked: see unwrap_worker.py for the verbs."""
+    """What a child is asked: see unwrapping/worker.py for the verbs."""
 
     verb: str
     arrays: Arrays

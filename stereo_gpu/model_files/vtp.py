@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from stereo_gpu.export_frame import check_mesh, to_viewer
 from stereo_gpu.files import write_whole
+from stereo_gpu.model_files.frame import check_mesh, to_viewer
 from stereo_gpu.types import Bytes, Mesh
 
 _TYPES = {"f": "Float32", "u": "UInt8", "i": "Int32"}

@@ -7,10 +7,10 @@ import threading
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_gpu.outline import signed_areas
-from stereo_gpu.turn_edges import next_side, turn_edges, twins
+from stereo_gpu.meshing.outline import signed_areas
+from stereo_gpu.meshing.turn_edges import next_side, turn_edges, twins
+from stereo_gpu.meshing.view_frame import ViewFrame
 from stereo_gpu.types import Doubles, Ints
-from stereo_gpu.view_frame import ViewFrame
 
 _Flags = NDArray[np.bool_]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from stereo_gpu.backends import Backend, DeviceArray
-from stereo_gpu.cell_triangles import cell_triangles, half_cells, join
+from stereo_gpu.meshing.cell_triangles import cell_triangles, half_cells, join
 from stereo_gpu.types import Bytes, Floats, Ints
 
 LARGEST_SIDE = 64  # of the squares that the first triangles are halves of, px

@@ -17,8 +17,8 @@ from collections.abc import Iterator, Sequence
 
 from stereo_gpu.backends.share import usable_cores
 from stereo_gpu.errors import InputError
-from stereo_gpu.unwrap_child import Child, LateError, NoAnswerError, NoStartError, Question
-from stereo_gpu.unwrap_worker import Arrays
+from stereo_gpu.unwrapping.child import Child, LateError, NoAnswerError, NoStartError, Question
+from stereo_gpu.unwrapping.worker import Arrays
 
 PROCESSES = "STEREO_GPU_UNWRAP_PROCESSES"
 

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stereo_gpu.types import Doubles, Surface
-from stereo_gpu.unwrap_child import NoAnswerError, Question
-from stereo_gpu.unwrap_parts import join_small, parts, tiles
-from stereo_gpu.unwrap_pool import WorkerPool
+from stereo_gpu.unwrapping.child import NoAnswerError, Question
+from stereo_gpu.unwrapping.parts import join_small, parts, tiles
+from stereo_gpu.unwrapping.pool import WorkerPool
 
 _Indices = NDArray[np.integer]
 

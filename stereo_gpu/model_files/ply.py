@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from stereo_gpu.errors import InputError
-from stereo_gpu.export_frame import check_mesh, plain_stem, to_viewer
 from stereo_gpu.files import check_writable_file, whole_folder, write_whole
-from stereo_gpu.texture_file import pack_texture
+from stereo_gpu.model_files.frame import check_mesh, plain_stem, to_viewer
+from stereo_gpu.model_files.texture_file import pack_texture
 from stereo_gpu.types import Bytes, Floats, Mesh
 
 _POINT = np.dtype([("xyz", "<f4", 3), ("rgb", "u1", 3)])

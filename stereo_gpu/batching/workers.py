@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any
 
 from stereo_gpu.backends.share import PROCESSES, usable_cores
+from stereo_gpu.batching.worker import receive, send
 from stereo_gpu.errors import InputError, StageError, StereoError
-from stereo_gpu.worker import receive, send
 
 _SCRIPT = Path(__file__).with_name("worker.py")
 WAITING_EACH = 2  # jobs begun and not yet taken by the caller, a worker: one that is done while the next is under way

@@ -5,8 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from stereo_gpu.drawing.orbit import CLOUD_OUTLIERS, orbit
 from stereo_gpu.errors import InputError, StageError
-from stereo_gpu.orbit import CLOUD_OUTLIERS, orbit
 from stereo_gpu.render import BACKGROUND, Colour, check_size
 from stereo_gpu.types import Bytes, Floats
 

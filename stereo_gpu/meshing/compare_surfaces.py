@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from stereo_gpu.height_map import height_and_owner
+from stereo_gpu.meshing.height_map import height_and_owner
+from stereo_gpu.meshing.view_frame import ViewFrame
 from stereo_gpu.types import Doubles, Ints
-from stereo_gpu.view_frame import ViewFrame
 
 _REACH = 2  # px around a place in which the nearest triangle of the other surface is looked for
 _STEPS = sorted(

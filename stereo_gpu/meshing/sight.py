@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stereo_gpu.backends import Backend
-from stereo_gpu.mesh_parts import number_parts
+from stereo_gpu.meshing.parts import number_parts
 from stereo_gpu.types import Floats, Ints
 
 # What hangs together with a face that is cut is cut up to so many times the angle: the flanks of a step.

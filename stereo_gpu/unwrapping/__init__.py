@@ -1,0 +1,1 @@
+"""The parts of unwrapping: charts, their packing, and the processes in which xatlas runs."""
