@@ -1,6 +1,7 @@
 """The seam to the devices: names, what is told of what is missing, memory, and wrong calls."""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -169,7 +170,9 @@ def test_memory_is_checked_before_it_is_taken(backend):
     total, one = backend.available_bytes()
     assert 0 < one <= total
     backend.check_memory(1, 1, "nothing")
-    with pytest.raises(MemoryLimitError, match=rf"needs {10**18:,} bytes on {re.escape(backend.name)}.*available: halve it"):
+    with pytest.raises(
+        MemoryLimitError, match=rf"needs {10**18:,} bytes on {re.escape(backend.name)}.*available: halve it"
+    ):
         backend.check_memory(10**18, 1, "halve it")
     with pytest.raises(
         MemoryLimitError, match=rf"one array of {10**18:,} bytes, {backend.name}.*allows [\d,]+: cut it"
