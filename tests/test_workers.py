@@ -94,6 +94,21 @@ def test_stopping_early_cleans_up_and_ends_the_processes(tmp_path):
     assert sorted(file.relative_to(tmp_path).as_posix() for file in tmp_path.rglob("*")) == ["first", "first/half"]
 
 
+def test_processes_that_let_go_of_something_end_quietly(tmp_path, capfd):
+    (answer,) = run_jobs(worker_tasks.give_held, [()], shared={}, workers=1)
+    assert answer.result == 1
+    # Stopped early, an end that comes then must not be lost: the process cleans up before it would be killed.
+    jobs = [(tmp_path / "first", None), (tmp_path / "second", tmp_path / "started")]
+    answers = run_jobs(worker_tasks.fill_and_let_go, jobs, shared={}, workers=1)
+    next(answers)
+    deadline = time.monotonic() + 10
+    while not (tmp_path / "started").exists():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    answers.close()
+    assert not (tmp_path / "second").exists() and capfd.readouterr().err == ""
+
+
 def test_processes_share_the_cores(monkeypatch):
     monkeypatch.delenv("POCL_MAX_PTHREAD_COUNT", raising=False)
     names = [(PROCESSES,), ("POCL_MAX_PTHREAD_COUNT",)]

@@ -57,6 +57,36 @@ def leave_a_file(folder, seconds):
         time.sleep(seconds)
 
 
+class Held:
+    """What is let go of slowly, as arrays on a device are."""
+
+    def __init__(self, started=None):
+        self.started = started
+
+    def __reduce__(self):
+        return int, (1,)
+
+    def __del__(self):
+        if self.started:
+            self.started.write_text("")
+        time.sleep(0.3)
+
+
+def give_held():
+    """Its own copy is let go of once the answer is sent."""
+    return Held()
+
+
+def fill_and_let_go(folder, started):
+    """Fills a folder; where `started` is given, lets go of something first, and takes its time."""
+    from stereo_gpu.files import whole_folder
+
+    with whole_folder(folder):
+        if started:
+            Held(started)
+            time.sleep(30)
+
+
 def triangles(index, result):
     """What `then` may be: a small answer in place of a whole reconstruction."""
     return index, len(result.mesh.faces), os.getpid()

@@ -16,6 +16,7 @@ import struct
 import sys
 from typing import Any, BinaryIO
 
+AGAIN_S = 0.01
 _COUNT = struct.Struct("<Q")
 
 
@@ -63,7 +64,10 @@ def main() -> None:
     # The other end stops us: a Ctrl-C that the terminal sends to all must not cut a pair off in its middle. SIGTERM
     # ends a job by way of every `finally`, so that no half of a file stays.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
+    signal.signal(signal.SIGTERM, _leave)
+    if hasattr(signal, "setitimer"):
+        signal.signal(signal.SIGALRM, _leave)
+        sys.unraisablehook = _leave_again
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # whatever a library prints must not come between two answers
     jobs = sys.stdin.buffer
@@ -78,6 +82,18 @@ def main() -> None:
     with contextlib.suppress(EOFError, BrokenPipeError):
         while True:
             _answer(answers, task, receive(jobs), shared)
+
+
+def _leave(*_: object) -> None:
+    sys.exit(1)
+
+
+def _leave_again(lost: Any) -> None:
+    """An end that reached Python within a __del__ is lost there, but for a message: ask for it again instead."""
+    if lost.exc_type is SystemExit:
+        signal.setitimer(signal.ITIMER_REAL, AGAIN_S)
+    else:
+        sys.__unraisablehook__(lost)
 
 
 def _answer(answers: BinaryIO, task: Any, job: tuple[Any, ...], shared: dict[str, Any]) -> None:

@@ -119,13 +119,15 @@ class _Worker:
         # What the user has set stays.
         self._environment = {name: str(setup[2]) for name in _THREADS} | dict(os.environ) | {PROCESSES: str(count)}
         self._process: subprocess.Popen[bytes] | None = None
-        self._stopped = False
-        self._starting = threading.Lock()
+        self._stopped = self._busy = False
+        self._changing = threading.Lock()
 
     def do(self, job: tuple[Any, ...], limit_s: float | None) -> Answer:
         """Do one job."""
         start = time.perf_counter()
         late = threading.Event()
+        with self._changing:
+            self._busy = True
         try:
             jobs, answers = self._streams()
             with self._limit(limit_s, late):
@@ -136,6 +138,8 @@ class _Worker:
         except Exception as error:  # what cannot be pickled, here or there: half a message may lie in the pipe
             well, result = False, StageError(f"cannot be sent to another process or back: {error}")
             self._bury()
+        finally:
+            self._busy = False
         seconds = time.perf_counter() - start
         return Answer(result=result if well else None, error=None if well else result, seconds=seconds)
 
@@ -151,7 +155,7 @@ class _Worker:
         return process.stdin, process.stdout
 
     def _start(self) -> subprocess.Popen[bytes]:
-        with self._starting:
+        with self._changing:
             if self._stopped:
                 raise EOFError("no more processes are started")
             self._process = None
@@ -223,9 +227,15 @@ class _Worker:
 
     def stop(self) -> None:
         """Ask the process to end and to leave nothing half written; no other one is started."""
-        with self._starting:
+        with self._changing:
             self._stopped = True
-        self.end(kill=False)
+            idle = not self._busy
+        if idle and self._process is not None and self._process.stdin is not None:
+            # It ends when there are no more jobs, in order: a signal might reach it while it lets go of the last one.
+            with suppress(OSError):
+                self._process.stdin.close()
+        else:
+            self.end(kill=False)
 
     def wait(self, seconds: float) -> None:
         """Wait for the end that was asked for, and kill the process if it does not come."""
