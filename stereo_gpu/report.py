@@ -33,11 +33,13 @@ class Figure:
         name: a few words that say what it is.
         caption: what to look for in it.
         picture: uint8 or uint16, (H, W) or (H, W, 3) RGB.
+        film: a WebP that moves in place of the picture, but on paper and for whoever wants less motion.
     """
 
     name: str
     caption: str
     picture: Picture
+    film: bytes | None = None
 
 
 def write_report(
@@ -118,11 +120,12 @@ def _figure(number: int, figure: Figure) -> str:
     height, width = picture.shape[:2]
     wide = ' class="wide"' if width >= max(_WHOLE_ROW[0], _WHOLE_ROW[1] * height) else ""
     name, caption = escape(figure.name), escape(figure.caption)
-    return (
-        f'<figure{wide}><img src="data:image/{kind};base64,{data}" alt="{name}: {caption}" '
-        f'width="{width}" height="{height}">'
-        f"<figcaption><b>{number}. {name}.</b> {caption}</figcaption></figure>"
-    )
+    shown = f'<img src="data:image/{kind};base64,{data}" alt="{name}: {caption}" width="{width}" height="{height}">'
+    if figure.film is not None:
+        moving = f"data:image/webp;base64,{base64.b64encode(figure.film).decode()}"
+        media = "screen and (prefers-reduced-motion: no-preference)"
+        shown = f'<picture><source type="image/webp" media="{media}" srcset="{moving}">{shown}</picture>'
+    return f"<figure{wide}>{shown}<figcaption><b>{number}. {name}.</b> {caption}</figcaption></figure>"
 
 
 def _encode(picture: Bytes) -> tuple[str, str]:

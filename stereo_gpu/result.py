@@ -30,6 +30,7 @@ from stereo_gpu.report import Figure, write_report
 from stereo_gpu.rig import Rig
 from stereo_gpu.rig_check import RigCheck
 from stereo_gpu.self_calibrate import RigFound
+from stereo_gpu.turntable import page_film
 from stereo_gpu.types import Bytes, Disparity, Floats, Mesh, Picture, RectifiedPair, Surface, Validity, View
 
 # From the front every model looks like the photograph; a little from the side its depth can be judged.
@@ -189,6 +190,7 @@ class Reconstruction:
             self.raw_left, self.raw_right, self.rig, self.checked.points_left, self.checked.points_right
         )
         device = open_backend(self.disparity.backend)
+        still, film = page_film(self.mesh, device=device)
         unwanted = "nothing was masked" if self.mask.all() else "what is pale was not matched"
         return [
             Figure(
@@ -252,6 +254,12 @@ class Reconstruction:
                 name="Textured",
                 caption=f"With the {self.disparity.reference} picture as texture.",
                 picture=render(self.mesh, yaw=YAW, pitch=PITCH, device=device),
+            ),
+            Figure(
+                name="Turned",
+                caption="From a camera that swings to and fro before it.",
+                picture=still,
+                film=film,
             ),
         ]
 

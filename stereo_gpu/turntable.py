@@ -22,9 +22,12 @@ from stereo_gpu.types import Bytes, Mesh, Surface
 SUFFIXES = (".gif", ".webp", ".mp4")
 FULL_TURN = 360.0  # degrees of swing at which the camera goes all the way round
 MOST_FRAMES = 3000
+_PITCH = 8.0  # degrees
 _LIFT = 0.2  # of the swing, that the camera rises and sinks: on its way back it shows the model from elsewhere
 _SAMPLED = 8  # frames that a GIF's colours are chosen from
 _WEBP_QUALITY = 80
+# A film within a page: as small as it may be without looking poor, since every report pays for it.
+_PAGE_SIZE, _PAGE_SECONDS, _PAGE_FPS, _PAGE_SWING = (320, 240), 2.0, 8.0, 15.0
 
 Told = Callable[[int, int], None]
 
@@ -38,7 +41,7 @@ def turntable(
     fps: float = 15.0,
     swing: float = 25.0,
     yaw: float = 0.0,
-    pitch: float = 8.0,
+    pitch: float = _PITCH,
     shading: Shading | str | None = None,
     background: Colour = BACKGROUND,
     supersample: int = 2,
@@ -91,6 +94,19 @@ def turntable(
     return write_whole(path, _mp4(frames(), size, fps))
 
 
+def page_film(model: Mesh, *, device: Backend | None = None) -> tuple[Bytes, bytes]:
+    """The first picture of a small turntable, (H, W, 3) RGB, and all of it as WebP, for a page to hold.
+
+    Raises:
+        StageError: the model has no face to draw.
+        BackendError: the device is missing or fails.
+    """
+    renderer = Renderer(model, size=_PAGE_SIZE, device=device)
+    cameras = renderer.cameras(camera_path(_PAGE_SECONDS, _PAGE_FPS, _PAGE_SWING, 0.0, _PITCH))
+    frames = [renderer.draw(camera) for camera in cameras]
+    return frames[0], _webp(iter(frames), _PAGE_FPS, effort=0)
+
+
 def check_film(path: Path, seconds: float, fps: float, swing: float) -> None:
     """Refuse a film that cannot be made, before any work is done.
 
@@ -131,11 +147,11 @@ def _gif(frames: Iterator[Bytes], some: list[Bytes], fps: float) -> bytes:
     return _animation(indexed, "GIF", duration=max(20, 10 * round(100 / fps)), loop=0, disposal=1)
 
 
-def _webp(frames: Iterator[Bytes], fps: float) -> bytes:
+def _webp(frames: Iterator[Bytes], fps: float, effort: int = 2) -> bytes:
     from PIL import Image
 
     pictures = (Image.fromarray(frame) for frame in frames)
-    return _animation(pictures, "WEBP", duration=round(1000 / fps), loop=0, quality=_WEBP_QUALITY, method=2)
+    return _animation(pictures, "WEBP", duration=round(1000 / fps), loop=0, quality=_WEBP_QUALITY, method=effort)
 
 
 def _animation(pictures: Iterator[Any], kind: str, **options: int) -> bytes:

@@ -85,6 +85,7 @@ def test_every_file_is_there_and_can_be_loaded(made, raw_folder, tmp_path):
         "Mesh",
         "Smoothed",
         "Textured",
+        "Turned",
         "srcdoc",
     ):
         assert shown in page

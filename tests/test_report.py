@@ -110,6 +110,17 @@ def test_pictures_come_back_as_they_were(tmp_path):
     assert (deep_again == 156).all()
 
 
+def test_a_film_moves_on_screens_in_place_of_its_picture(tmp_path):
+    figure = Figure(name="Turned", caption="To and fro.", picture=noise(30, 40), film=b"RIFF film")
+    page = Page(write(tmp_path, figures=[figure]))
+    assert page.balanced
+    (source,) = page.all("source")
+    kind, _, data = source["srcset"].partition(";base64,")
+    assert (kind, base64.b64decode(data)) == ("data:image/webp", b"RIFF film")
+    assert "screen" in source["media"] and "prefers-reduced-motion" in source["media"]
+    assert page.all("img")[0]["alt"] == "Turned: To and fro."
+
+
 def test_wide_pictures_are_shrunk_and_take_the_row(tmp_path):
     text = write(tmp_path, figures=[Figure(name="f", caption="c", picture=noise(100, 4000))])
     assert '<figure class="wide">' in text

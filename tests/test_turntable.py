@@ -1,3 +1,5 @@
+import io
+
 import cv2
 import numpy as np
 import pytest
@@ -7,7 +9,7 @@ from test_render import bump, wall
 import stereo_gpu as sg
 from stereo_gpu.errors import InputError
 from stereo_gpu.render import Renderer
-from stereo_gpu.turntable import camera_path
+from stereo_gpu.turntable import camera_path, page_film
 
 QUICK = {"size": (61, 40), "seconds": 0.8, "fps": 10}
 
@@ -102,3 +104,12 @@ def test_a_fault_on_the_way_leaves_nothing(tmp_path):
         with pytest.raises(KeyboardInterrupt):
             sg.turntable(quarters(), tmp_path / f"turn.{suffix}", **QUICK, progress=stop)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_film_for_a_page_is_small_and_loops():
+    still, packed = page_film(quarters())
+    with Image.open(io.BytesIO(packed)) as film:
+        assert film.format == "WEBP" and film.n_frames == 16 and film.info["loop"] == 0
+        first = np.asarray(film.convert("RGB")).astype(int)
+    assert still.shape == first.shape and np.median(np.abs(still - first)) <= 2
+    assert len(packed) < 100_000
