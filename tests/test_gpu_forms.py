@@ -17,7 +17,11 @@ def opened(name, form):
         if name == "opencl":
             from stereo_gpu.backends import opencl
 
-            return opencl.open_device("", form)
+            # A GPU, where there is one, comes first, and has no compiler for the forms for CPUs.
+            cpus = [status.name for status in opencl.statuses() if status.available and status.kind == "cpu"]
+            if not cpus:
+                missing(name, "no CPU can be used through OpenCL")
+            return opencl.open_device(cpus[0].removeprefix("opencl:"), form)
         from stereo_gpu.backends import warp
 
         return warp.WarpBackend("cpu", form)
