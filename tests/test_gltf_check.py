@@ -95,6 +95,11 @@ def test_the_check_fails_on_what_is_wrong(result, validate, tmp_path):
     assert validate(tmp_path / "none.glb")[0] == 1
 
 
+def test_no_file_is_no_success(validate):
+    done = subprocess.run([TOOLS / "gltf_check"], capture_output=True, text=True, timeout=100)
+    assert done.returncode == 2 and "usage: tools/gltf_check" in done.stderr
+
+
 def test_the_camera_sees_what_the_picture_shows(result, tmp_path):
     """Every vertex of the model, seen by the file's camera as glTF says, falls where the right picture has it."""
     path = result.write_glb(tmp_path / "model.glb")
