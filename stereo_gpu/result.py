@@ -17,7 +17,6 @@ import numpy as np
 from stereo_gpu import export, figures
 from stereo_gpu.backends import open_backend
 from stereo_gpu.check_figure import draw_check
-from stereo_gpu.drawing.points import render_points
 from stereo_gpu.epipolar.figure import draw_epipolar_curves
 from stereo_gpu.errors import InputError
 from stereo_gpu.files import whole_folder, write_whole
@@ -26,6 +25,7 @@ from stereo_gpu.model_files.gltf import standpoint
 from stereo_gpu.model_files.texture_file import check_texture_format, pack_texture
 from stereo_gpu.prepare import grey_scale
 from stereo_gpu.render import Shading, render
+from stereo_gpu.render_points import render_points
 from stereo_gpu.report import Figure, write_report
 from stereo_gpu.rig import Rig
 from stereo_gpu.rig_check import RigCheck

@@ -3,9 +3,9 @@ import numpy as np
 import pytest
 
 from stereo_gpu.backends import open_backend
-from stereo_gpu.drawing.points import render_points
 from stereo_gpu.errors import InputError, MemoryLimitError, StageError
 from stereo_gpu.render import BACKGROUND, bring_in_front, render
+from stereo_gpu.render_points import render_points
 from stereo_gpu.types import Mesh, Surface
 
 WALL = np.array([[-100, -80, 500], [100, -80, 500], [-100, 80, 500], [100, 80, 500]], np.float32)
