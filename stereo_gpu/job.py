@@ -94,15 +94,19 @@ def check_against(job: Job, picture: Picture) -> Job:
 def _check_mesh(mesh: MeshOptions) -> None:
     for name, good, wanted in (
         ("method", mesh.method in ("bounded", "dense"), "bounded or dense"),
-        ("error_px", 0 < mesh.error_px < math.inf, "a number of px above 0"),
+        ("error_px", 0 < mesh.error_px < math.inf, "a number of px above 0 (--mesh-error)"),
         ("max_jump_px", 0 < mesh.max_jump_px < math.inf, "a number of px above 0"),
-        ("largest_hole", mesh.largest_hole is None or mesh.largest_hole >= 0, "a number of pixels, or None for all"),
+        (
+            "largest_hole",
+            mesh.largest_hole is None or mesh.largest_hole >= 0,
+            "a number of pixels, 0 or more, or None for all (--close-holes all)",
+        ),
         ("smallest_part", mesh.smallest_part >= 0, "a number of pixels, 0 or more"),
         ("faces", mesh.faces >= 0, "how many triangles to keep, or 0 for all"),
         (
             "decimate_error",
             mesh.decimate_error is None or 0 < mesh.decimate_error < math.inf,
-            "a length above 0 in the rig's unit, or None",
+            "a length above 0 in the rig's unit, or leave it out",
         ),
         ("smoothing", 0 <= mesh.smoothing <= MOST_SMOOTHING, f"0 to {MOST_SMOOTHING} passes"),
         ("unwrap", mesh.unwrap in ("charts", "view"), "charts or view"),

@@ -147,7 +147,15 @@ MODEL_FAULTS = [
     (("--rectangle", "1,2,3"), "4 numbers"),
     (("--faces", "-3"), "faces = -3"),
     (("--smoothing", "-1"), "smoothing = -1"),
+    (("--mesh", "net"), "invalid choice"),
+    (("--mesh-error", "0"), "above 0 (--mesh-error)"),
+    (("--mesh-error", "nan"), "error_px = nan"),
+    (("--close-holes", "-5"), "--close-holes all"),
+    (("--close-holes", "some"), "none or all"),
+    (("--smallest-part", "-1"), "smallest_part = -1"),
+    (("--decimate-error", "0"), "or leave it out"),
     (("--unwrap", "origami"), "invalid choice"),
+    (("--texture-format", "bmp"), "invalid choice"),
 ]
 
 

@@ -117,7 +117,7 @@ def add_model(parser: argparse.ArgumentParser) -> None:
         "--decimate-error",
         type=float,
         metavar="MM",
-        help="or as far as the surface moves by this at most",
+        help="as few as move the surface by this at most, in place of --faces",
     )
     parser.add_argument("--smoothing", type=int, default=10, help="passes of smoothing; 0: none (%(default)s)")
     parser.add_argument(
