@@ -20,6 +20,8 @@ PACKAGES = (
     "opencv-python-headless",
     "trimesh",
     "pillow",
+    "scipy",
+    "pyyaml",
     "xatlas",
     "fast-simplification",
 )

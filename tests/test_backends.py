@@ -1,5 +1,6 @@
 """The seam to the devices: names, what is told of what is missing, memory, and wrong calls."""
 
+import importlib.metadata
 import os
 import re
 import subprocess
@@ -211,4 +212,8 @@ def test_doctor_finds_this_installation_well():
         assert findings[status.name].good == status.available
         assert status.available or findings[status.name].remedy
     assert findings["a device that computes"].good
+    needed = {
+        re.split(r"[^\w-]", line)[0] for line in importlib.metadata.requires("stereo-gpu") if "extra ==" not in line
+    }
+    assert needed - set(findings) <= {"pocl-binary-distribution"}, "on other systems OpenCL comes from elsewhere"
     assert all(finding.good for finding in findings.values() if finding.needed)
