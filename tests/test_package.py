@@ -3,11 +3,14 @@
 import ast
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 
 import stereo_gpu as sg
+
+PROJECT = Path(__file__).parents[1] / "pyproject.toml"
 
 
 def python(code):
@@ -40,6 +43,15 @@ def test_a_function_is_not_hidden_by_the_module_of_its_name():
         "print(*(callable(thing) for thing in (sg.match, sg.triangulate, sg.capture, sg.calibrate, rectify)))"
     )
     assert said == ["True"] * 5
+
+
+@pytest.mark.skipif(not PROJECT.is_file(), reason="pyproject.toml is in the checkout only")
+def test_every_package_gets_into_the_wheel():
+    listed = set(tomllib.loads(PROJECT.read_text("utf-8"))["tool"]["setuptools"]["packages"])
+    root = PROJECT.parent
+    own = {".".join(file.parent.relative_to(root).parts) for file in root.glob("stereo_gpu/**/__init__.py")}
+    kernels = {f"stereo_gpu.{'.'.join(f.parent.relative_to(root).parts)}" for f in root.glob("kernels/**/__init__.py")}
+    assert listed == own | kernels
 
 
 def test_what_only_tells_imports_nothing_heavy():
