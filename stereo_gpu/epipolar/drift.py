@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from stereo_gpu.epipolar.least_squares import fit_softly
 from stereo_gpu.epipolar.robust import MAD_TO_SIGMA
 from stereo_gpu.epipolar.rows import find_rows
 from stereo_gpu.rig import Rig
@@ -71,8 +72,6 @@ def fit_drift(
         weights: (N,) of each match's error; None for 1.
         free: which of pitch, yaw, roll, down and forward may differ from 0, by number.
     """
-    from scipy.optimize import least_squares
-
     weights = np.ones(len(rays_left)) if weights is None else weights
     chosen = list(free)
     prior = np.array([TURN_DEG] * 3 + [MOVE_DEG] * 2)
@@ -88,13 +87,13 @@ def fit_drift(
         def residuals(numbers: Doubles, noise: float = noise) -> Doubles:
             return np.concatenate([weights * errors(numbers) / noise, numbers / prior[chosen]])
 
-        fit = least_squares(residuals, found, loss="soft_l1", x_scale=prior[chosen], max_nfev=50)
-        found = fit.x
+        fit = fit_softly(residuals, found, prior[chosen])
+        found = fit.numbers
         left = errors(found)
         noise = max(LEAST_NOISE_PX, MAD_TO_SIGMA * float(np.median(np.abs(left))))
     every, deviations = np.zeros(5), np.zeros(5)
     every[chosen] = found
-    deviations[chosen] = np.linalg.norm(np.linalg.pinv(fit.jac), axis=1)
+    deviations[chosen] = np.linalg.norm(np.linalg.pinv(fit.slopes), axis=1)
     return Drift(turn=every[:3], move=every[3:], deviations=deviations), left
 
 

@@ -9,6 +9,7 @@ from enum import StrEnum
 import numpy as np
 
 from stereo_gpu.epipolar.drift import Drift, drifted
+from stereo_gpu.epipolar.least_squares import fit_softly
 from stereo_gpu.epipolar.rows import Rows, find_rows, focal_length, rays
 from stereo_gpu.rig import Camera, Rig
 from stereo_gpu.types import Doubles
@@ -204,16 +205,12 @@ def _undone(points: Doubles, camera: Camera, *, down: float = 0.0, turned: float
 
 def _fit(errors: Callable[[float], Doubles], unit: float) -> tuple[float, Doubles]:
     """The number for which the errors are smallest, by robust least squares, and those errors; `unit` is its scale."""
-    from scipy.optimize import least_squares
 
     def residuals(number: Doubles) -> Doubles:
         found: Doubles = np.nan_to_num(errors(float(number[0]) * unit), nan=10.0) / 0.3
         return found
 
-    number = (
-        float(least_squares(residuals, np.zeros(1), bounds=(-LARGEST, LARGEST), loss="soft_l1", max_nfev=50).x[0])
-        * unit
-    )
+    number = unit * float(fit_softly(residuals, np.zeros(1), np.ones(1), largest=LARGEST).numbers[0])
     return number, errors(number)
 
 
