@@ -167,7 +167,7 @@ def check_size(size: tuple[int, int], supersample: int) -> None:
         raise InputError(f"size {size} with {supersample} samples a pixel: each must be at least 1")
     if max(size) * supersample > LARGEST_SIDE:
         raise InputError(
-            f"size {size} with {supersample} samples a pixel: no side may have more than {LARGEST_SIDE} samples"
+            f"size {size} with {supersample} samples a pixel: draw no side of more than {LARGEST_SIDE // supersample} px"
         )
 
 

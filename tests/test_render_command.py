@@ -29,6 +29,12 @@ def test_a_picture_is_the_one_that_render_draws(capsys, tmp_path, model):
     assert np.abs(drawn(out).astype(int) - want).max() <= 1
 
 
+def test_a_large_picture_has_fewer_samples(tmp_path, model):
+    out = tmp_path / "view.png"
+    assert main(["render", model, "--size", "6000x6", "--out", str(out)]) == 0
+    assert drawn(out).shape == (6, 6000, 3)
+
+
 def test_several_angles_are_numbered(capsys, tmp_path, model):
     out = tmp_path / "view.png"
     arguments = ["render", model, "--yaw=-20,0", "--yaw", "20", "--size", "40x30", "--shading", "wire"]
@@ -71,6 +77,8 @@ def test_a_model_of_another_program_is_seen_from_the_front(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
+        (["MODEL", "--size", "2x9", "--out", "view.png"], "each at least 3"),
+        (["MODEL", "--size", "20000x9", "--out", "view.png"], "draw no side of more than 16384 px"),
         (["MODEL"], "nothing to write: name a picture with --out"),
         (["missing.glb", "--out", "view.png"], "missing.glb cannot be read"),
         (["TEXT", "--out", "view.png"], "is no GLB"),

@@ -10,6 +10,7 @@ from stereo_gpu.commands.arguments import add_backend
 
 YAW, PITCH = 20.0, 8.0
 PICTURE, FILM = (1280, 960), (640, 480)  # px
+SAMPLES = 3  # by as many, of each pixel: a picture that is looked at for long may take its time
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -52,7 +53,7 @@ def run(options: argparse.Namespace) -> None:
     from stereo_gpu.images import write_png
     from stereo_gpu.progress import Progress
     from stereo_gpu.read_model import read_glb
-    from stereo_gpu.render import Renderer, bring_in_front
+    from stereo_gpu.render import LARGEST_SIDE, Renderer, bring_in_front
     from stereo_gpu.turntable import check_film, turntable
 
     if options.out is None and options.turntable is None:
@@ -68,8 +69,9 @@ def run(options: argparse.Namespace) -> None:
     mesh = bring_in_front(read_glb(options.model))
     device = open_backend(options.backend)
     if files:
-        # Three by three samples a pixel: a picture that is looked at for long may take its time.
-        renderer = Renderer(mesh, size=options.size or PICTURE, shading=options.shading, supersample=3, device=device)
+        size = options.size or PICTURE
+        samples = max(1, min(SAMPLES, LARGEST_SIDE // max(size)))
+        renderer = Renderer(mesh, size=size, shading=options.shading, supersample=samples, device=device)
         for file, view in zip(files, views, strict=True):
             write_png(file, renderer.draw(renderer.cameras([view])[0]))
             print(f"{file}: yaw {view[0]:g}, pitch {view[1]:g} degrees")
@@ -88,8 +90,8 @@ def run(options: argparse.Namespace) -> None:
                 device=device,
                 progress=progress.filmed,
             )
-        size = options.turntable.stat().st_size
-        print(f"{options.turntable}: {options.seconds:g} s, {size / 1e6:.3g} MB")
+        written = options.turntable.stat().st_size
+        print(f"{options.turntable}: {options.seconds:g} s, {written / 1e6:.3g} MB")
 
 
 def pair_angles(yaws: list[float], pitches: list[float]) -> list[tuple[float, float]]:
@@ -136,7 +138,12 @@ def _angles(text: str) -> list[float]:
 
 
 def _size(text: str) -> tuple[int, int]:
+    from stereo_gpu.images import SMALLEST_SIDE
+
     match = re.fullmatch(r"(\d{1,6})x(\d{1,6})", text)
-    if match is None:
-        raise argparse.ArgumentTypeError(f"{text!r}: give width x height in px, such as 1280x960")
-    return int(match[1]), int(match[2])
+    size = (int(match[1]), int(match[2])) if match else (0, 0)
+    if min(size) < SMALLEST_SIDE:
+        raise argparse.ArgumentTypeError(
+            f"{text!r}: give width x height in px, such as 1280x960, each at least {SMALLEST_SIDE}"
+        )
+    return size
