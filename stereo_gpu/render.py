@@ -166,9 +166,8 @@ def check_size(size: tuple[int, int], supersample: int) -> None:
     if min(size) < 1 or supersample < 1:
         raise InputError(f"size {size} with {supersample} samples a pixel: each must be at least 1")
     if max(size) * supersample > LARGEST_SIDE:
-        raise InputError(
-            f"size {size} with {supersample} samples a pixel: draw no side of more than {LARGEST_SIDE // supersample} px"
-        )
+        most = LARGEST_SIDE // supersample
+        raise InputError(f"size {size} with {supersample} samples a pixel: draw no side of more than {most} px")
 
 
 def _normals(vertices: Doubles, faces: Ints) -> Floats:

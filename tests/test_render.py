@@ -268,7 +268,7 @@ def test_errors():
         render(surface, shading="shiny")
     with pytest.raises(InputError, match="at least 1"):
         render(surface, size=(0, 10))
-    with pytest.raises(InputError, match="16384 samples"):
+    with pytest.raises(InputError, match="more than 8192 px"):
         render(surface, size=(9000, 10))
     with pytest.raises(StageError, match="none of 0 faces"):
         render(Surface(vertices=surface.vertices, faces=np.empty((0, 3), np.int32)))
