@@ -148,7 +148,7 @@ def _gif(frames: Iterator[Bytes], some: list[Bytes], fps: float) -> bytes:
 
 
 def _webp(frames: Iterator[Bytes], fps: float, effort: int = 2) -> bytes:
-    from PIL import Image
+    from PIL import Image, WebPImagePlugin  # noqa: F401  # or `save` would import every plugin there is, to find it
 
     pictures = (Image.fromarray(frame) for frame in frames)
     return _animation(pictures, "WEBP", duration=round(1000 / fps), loop=0, quality=_WEBP_QUALITY, method=effort)
