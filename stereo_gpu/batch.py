@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from stereo_gpu.backends import open_backend
-from stereo_gpu.batching.pair_list import ListedPair
+from stereo_gpu.batching.pair_list import FAILED_NAME, ListedPair
 from stereo_gpu.batching.workers import run_jobs
 from stereo_gpu.config import MeshOptions
 from stereo_gpu.errors import InputError, StereoError
@@ -30,7 +30,6 @@ from stereo_gpu.pipeline import reconstruct
 from stereo_gpu.reconstruct_many import CHECKS, check_of, how_many
 from stereo_gpu.rig import Rig
 
-FAILED_NAME = "failed.jsonl"
 RESULT_NAME = "result.json"
 FILES = ("model", "all")
 MOST_UNDER_WAY = 256  # pairs that may have been under way when a run is stopped

@@ -58,7 +58,7 @@ def test_manifests(tmp_path):
     first, second = list_pairs(table)
     assert (first.name, first.left, first.mask) == ("a", tmp_path / "a" / "left.png", None)
     assert (second.name, second.right, second.mask) == ("second", tmp_path / "r2.png", tmp_path / "m2.png")
-    table.write_text('\ufeffname,right,left,taken\n"x, y",r.png,l.png,today\n', "utf-8")
+    table.write_bytes('\ufeffName,Right,LEFT,taken\r\n"x, y",r.png,l.png,today\r\n'.encode())
     (pair,) = list_pairs(table)
     assert (pair.name, pair.left.name, pair.right.name) == ("x, y", "l.png", "r.png")
     lines = tmp_path / "pairs.jsonl"
@@ -76,7 +76,9 @@ def test_manifests(tmp_path):
         ("a.png,b.png,../up\n", "cannot be a folder's name"),
         ("a.png,b.png,.hidden\n", "cannot be a folder's name"),
         ("a.png,b.png," + "n" * 300 + "\n", "cannot be a folder's name"),
+        ("a.png,b.png,failed.jsonl\n", "cannot be a folder's name"),
         ('a.png,"b.png\n', "is no CSV"),
+        ('a.png,b.png\n"c.png" ,d.png\n', "line 2 is no CSV"),
         ("a\0.png,b.png\n", "zero byte"),
         ('{"left": "a.png"}\n', "line 1 has right = None"),
         ('{"left": "a.png", "right": 5}\n', "line 1 has right = 5"),
@@ -94,6 +96,10 @@ def test_a_manifest_that_is_wrong_is_refused_in_one_line(tmp_path, text, message
 
 
 def test_what_is_no_manifest_is_refused(tmp_path):
+    array = tmp_path / "pairs.json"
+    array.write_text('[{"left": "a.png", "right": "b.png"}]')
+    with pytest.raises(InputError, match=r'line 1 is .* give \{"left": \.\.\., "right": \.\.\.\}'):
+        list_pairs(array)
     with pytest.raises(InputError, match="cannot be read: No such file"):
         list_pairs(tmp_path / "none")
     with pytest.raises(InputError, match="names no pair"):

@@ -17,6 +17,7 @@ from stereo_gpu.recording.pair_folder import LIST_NAME
 
 SIDES = ("left", "right")
 COLUMNS = ("left", "right", "name", "mask")
+FAILED_NAME = "failed.jsonl"  # stands beside the folders of the pairs
 LONGEST_NAME = 200  # bytes, which leaves room for what a hidden name adds
 
 
@@ -124,7 +125,9 @@ def _from_manifest(path: Path) -> list[ListedPair]:
     except UnicodeDecodeError as error:
         raise InputError(f"{path} is no text in UTF-8: give a folder, or a manifest as CSV or JSON lines") from error
     lines = text.splitlines()
-    read = _json_lines if next((line for line in lines if line.strip()), "").lstrip().startswith("{") else _csv_lines
+    first = next((line for line in lines if line.strip()), "").lstrip()
+    is_json = first.startswith("{") or path.suffix.lower() in (".json", ".jsonl")
+    read = _json_lines if is_json else _csv_lines
     return [_pair(path, number, fields) for number, fields in read(path, lines)]
 
 
@@ -143,15 +146,17 @@ def _json_lines(path: Path, lines: list[str]) -> Iterator[tuple[int, dict[str, A
 
 def _csv_lines(path: Path, lines: list[str]) -> Iterator[tuple[int, dict[str, Any]]]:
     columns: Iterable[str] = COLUMNS
+    reader = csv.reader(lines, skipinitialspace=True, strict=True)
     try:
-        for number, row in enumerate(csv.reader(lines, skipinitialspace=True, strict=True), 1):
+        for number, row in enumerate(reader, 1):
             cells = [cell.strip() for cell in row]
-            if number == 1 and set(cells) >= set(SIDES):
-                columns = cells
+            if number == 1 and {cell.lower() for cell in cells} >= set(SIDES):
+                columns = [cell.lower() for cell in cells]
             elif any(cells):
                 yield number, dict(zip(columns, cells, strict=False))
     except csv.Error as error:
-        raise InputError(f"{path} is no CSV ({error}): give lines such as left1.png,right1.png") from error
+        at = f"{path}, line {reader.line_num}"
+        raise InputError(f"{at} is no CSV ({error}): give lines such as left1.png,right1.png") from error
 
 
 def _pair(path: Path, number: int, fields: dict[str, Any]) -> ListedPair:
@@ -172,9 +177,10 @@ def _pair(path: Path, number: int, fields: dict[str, Any]) -> ListedPair:
 
 
 def _is_name(name: str) -> bool:
-    """Whether a folder may be called so, and is then seen."""
+    """Whether a pair's folder may be called so, and is then seen."""
     try:
         size = len(os.fsencode(name))
     except UnicodeEncodeError:
         return False
-    return size <= LONGEST_NAME and not name.startswith(".") and not set(name) & set("/\\:\n")
+    taken = name.startswith(".") or name == FAILED_NAME
+    return size <= LONGEST_NAME and not taken and not set(name) & set("/\\:\n")

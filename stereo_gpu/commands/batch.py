@@ -78,8 +78,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Reconstruct every pair, and tell how far it is, what failed and how fast it was."""
-    from stereo_gpu.batch import FAILED_NAME, reconstruct_batch
-    from stereo_gpu.batching.pair_list import list_pairs
+    from stereo_gpu.batch import reconstruct_batch
+    from stereo_gpu.batching.pair_list import FAILED_NAME, list_pairs
     from stereo_gpu.errors import StageError
 
     # A service stops its programs by SIGTERM: that ends the work as Ctrl-C does.
