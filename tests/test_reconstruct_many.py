@@ -1,7 +1,6 @@
 """Many pairs at once: in order, with the results that each alone would have, and a broken one fails alone."""
 
 import os
-import signal
 import threading
 from pathlib import Path
 
@@ -11,7 +10,7 @@ import worker_tasks
 
 import stereo_gpu as sg
 from stereo_gpu.config import MeshOptions
-from stereo_gpu.errors import BackendError, InputError, PictureError, StageError
+from stereo_gpu.errors import BackendError, InputError, PictureError
 
 QUICK = {"profile": "fast", "disparities": (16, 44), "mesh": MeshOptions(faces=2000, unwrap="view")}
 
@@ -43,19 +42,6 @@ def test_six_pairs_of_which_one_is_broken(files, small_scene, raw_folder):
     # The first pair is checked in full, the others by their rows.
     assert "features" in well[0].checked.says and "places of the map" in well[1].checked.says
     assert well[0].options["check"] == "full" and well[2].options["check"] == "rows"
-
-
-def test_a_worker_that_is_killed_fails_its_pair_alone(files, small_scene):
-    options = {**QUICK, "check": "never", "then": worker_tasks.triangles}
-    found = sg.reconstruct_many([files] * 4, small_scene.rig, workers=1, **options)
-    process = next(found).result[2]
-    os.kill(process, signal.SIGKILL)
-    rest = list(found)
-    # It may have been between two pairs: then none is lost.
-    lost = [outcome for outcome in rest if outcome.error is not None]
-    assert len(lost) <= 1 and all(isinstance(outcome.error, StageError) for outcome in lost)
-    assert [outcome.index for outcome in rest] == [1, 2, 3]
-    assert all(outcome.result[2] != process for outcome in rest if outcome.error is None)
 
 
 def test_what_is_wrong_is_refused_before_any_process_starts(files, small_scene):
