@@ -88,6 +88,7 @@ def _report(options: argparse.Namespace, backend: str, device: str, folder: Path
     cores, machine = usable_cores(), describe_machine()
     print(f"{SIZE[0]} x {SIZE[1]} x {DISPARITIES}, about {FACES} triangles; {cores} cores, {machine['processor']};")
     print(f"{device}; OpenCV {machine['opencv']}")
+    print(f"pairs: {min(options.pairs, SCENES)} rendered scenes, and these again under other light, with more noise")
     print(f"load average before it began: {os.getloadavg()[0]:.1f}\n")
     print("| chain | pairs | pairs/s | CPU s a pair | largest process, MB | triangles |")
     print("| --- | ---: | ---: | ---: | ---: | ---: |")
