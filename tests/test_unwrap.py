@@ -1,4 +1,5 @@
 import time
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -268,3 +269,32 @@ def test_a_large_picture_has_no_more_cells_than_a_small_one(scene, view_uv):
     middles = ((view_uv * 64)[scene.faces].mean(axis=1) - large.corner[chart]) // 32
     at = large.base[chart] + middles[:, 1] * (large.extent[chart, 0] + 1) + middles[:, 0]
     assert np.isin(at, large.touched).all()
+
+
+def test_the_cells_are_those_that_a_triangle_touches():
+    random = np.random.default_rng(3)
+    corners = random.uniform(0, 90, (3, 2))
+    cells = find_cells(corners, np.array([[0, 1, 2]]), np.zeros(1, int), padding=0)
+    _, column, row = cells.places()
+    touched = np.zeros((30, 30), bool)
+    touched[row, column] = True
+    # Points of the triangle, each in its own cell.
+    shares = random.dirichlet((1, 1, 1), 200_000)
+    at = ((shares @ corners - cells.corner[0]) // cells.side).astype(int)
+    held = np.zeros((30, 30), bool)
+    held[at[:, 1], at[:, 0]] = True
+    assert touched[held].all()
+    assert touched.sum() <= held.sum() + 2  # the tips of it
+
+
+def test_slivers_that_lie_askew_have_no_more_cells_than_they_touch():
+    count = 1000
+    first = np.column_stack([np.arange(count) * 0.5, np.zeros(count)])
+    vertices = np.concatenate([first, first + (1500, 1500), first + (1500.3, 1500)])
+    faces = np.arange(3 * count).reshape(3, count).T
+    tracemalloc.start()
+    cells = find_cells(vertices, faces, np.zeros(count, int))
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert len(cells.touched) < 100_000
+    assert peak < 2e8  # of their rectangles it was 10 GB

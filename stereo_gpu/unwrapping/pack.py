@@ -83,20 +83,24 @@ def find_cells(texels: Doubles, faces: Ints, chart: _Indices, padding: int = 0) 
     extent = np.maximum.reduceat(c1[order], first) + 1
     stride = extent[:, 0] + 1
     base = np.append(0, np.cumsum(stride * (extent[:, 1] + 1)))
-    wide = c1 - c0 + 1
-    count = wide[:, 0] * wide[:, 1]
-    face = np.repeat(np.arange(len(faces)), count)
-    number = np.arange(len(face)) - np.repeat(np.cumsum(count) - count, count)
-    row, column = np.divmod(number, wide[face, 0])
-    column, row = column + c0[face, 0], row + c0[face, 1]
+    columns, rows = (c1 - c0 + 1).T
+    # Row by row: of a sliver that lies askew the rectangle around it would have far too many cells.
+    face = np.repeat(np.arange(len(faces)), rows)
+    row = _counted(rows) + c0[face, 1]
+    begin, end = c0[face, 0], c1[face, 0]
     # Of a triangle that spans no more than two cells either way, the cells of its rectangle will do.
-    doubtful = np.flatnonzero((np.minimum(wide[:, 0], wide[:, 1]) > 2 + grow)[face])
+    doubtful = np.flatnonzero((np.minimum(columns, rows) > 2 + grow)[face])
     of = face[doubtful]
-    inside = tuple((point[of] - origin[of]) / side for point in (a, b, c))
-    keep = np.ones(len(face), bool)
-    keep[doubtful[_beside(inside, column[doubtful], row[doubtful], grow)]] = False
+    left, right = _span(
+        [(point[of] - origin[of]) / side for point in (a, b, c)], row[doubtful] - grow, row[doubtful] + 1
+    )
+    # Where rounding leaves nothing of a triangle in a row, left is beyond right.
+    begin[doubtful] = np.clip(left, begin[doubtful], end[doubtful] + 1)
+    end[doubtful] = np.clip(np.floor(right) + grow, begin[doubtful] - 1, end[doubtful])
+    count = end - begin + 1
+    start = base[chart[face]] + row * stride[chart[face]] + begin
     mask = np.zeros(base[-1], bool)
-    mask[(base[chart[face]] + row * stride[chart[face]] + column)[keep]] = True
+    mask[np.repeat(start, count) + _counted(count)] = True
     return Cells(side=side, corner=corner, extent=extent, base=base, touched=np.flatnonzero(mask))
 
 
@@ -115,18 +119,23 @@ def _gutter(padding: int, side: int) -> int:
     return max(-(-padding // side), 1)
 
 
-def _beside(corners: Sequence[Doubles], column: _Indices, row: _Indices, grow: int) -> NDArray[np.bool_]:
-    """(K,): cells that lie wholly on the far side of one of their triangle's sides, all in cells."""
-    p, q = corners[1] - corners[0], corners[2] - corners[0]
-    turn = np.sign(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0])
-    beside = np.zeros(len(column), bool)
+def _counted(counts: _Indices) -> _Indices:
+    """0, 1, 2 ... up to each count in turn."""
+    return np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+
+
+def _span(corners: Sequence[Doubles], top: _Indices, bottom: _Indices) -> tuple[Doubles, Doubles]:
+    """(K,) each: from where to where triangles reach between two heights; from infinity where they do not."""
+    left, right = np.full(len(top), np.inf), np.full(len(top), -np.inf)
     for i in range(3):
-        start, side = corners[i], (corners[(i + 1) % 3] - corners[i]) * turn[:, None]
-        # Of the cell's corners the one that is farthest inside.
-        x = np.where(side[:, 1] < 0, column + 1, column - grow) - start[:, 0]
-        y = np.where(side[:, 0] > 0, row + 1, row - grow) - start[:, 1]
-        beside |= side[:, 0] * y - side[:, 1] * x < 0
-    return beside
+        (x, y), (to_x, to_y) = corners[i].T, corners[(i + 1) % 3].T
+        within = (np.maximum(y, to_y) >= top) & (np.minimum(y, to_y) <= bottom)
+        slope = (to_x - x) / np.where(to_y == y, np.inf, to_y - y)
+        for height in (y, to_y):
+            met = x + slope * (np.clip(height, top, bottom) - y)
+            left = np.where(within, np.minimum(left, met), left)
+            right = np.where(within, np.maximum(right, met), right)
+    return left, right
 
 
 def pack(pool: WorkerPool, texels: Doubles, faces: Ints, chart: _Indices, padding: int, time_limit_s: float) -> Packed:
