@@ -11,7 +11,13 @@
   try {
     renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true });
   } catch (error) {
-    say("This browser has no WebGL, so the model cannot be turned here. Open model.glb in another viewer.");
+    // In the report the rest of the frame would be a large empty field.
+    if (window.frameElement) {
+      window.frameElement.style.aspectRatio = "auto";
+      window.frameElement.style.height = "6rem";
+    }
+    say("This browser has no WebGL, so the model cannot be turned here. “Turned” below shows it as it turns; or open" +
+      " model.glb in another viewer.");
     return;
   }
   // Paint photographs as they are: colours in sRGB, and no lamps on top of the light that they were taken in.

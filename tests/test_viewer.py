@@ -74,6 +74,11 @@ def test_page_loads_nothing():
     assert not re.findall(r"<(?:script|link|img|iframe)[^>]+(?:src|href)=", page)
 
 
+def test_without_webgl_the_page_points_to_a_picture_of_the_report():
+    # tests/test_pipeline.py asks that the report has a picture of this name.
+    assert "“Turned” below shows it" in viewer_page(wall())
+
+
 def test_a_changed_trimesh_still_gives_a_page(monkeypatch, caplog):
     monkeypatch.setattr(viewer, "_TEMPLATE", ("elsewhere.zip",))
     with caplog.at_level(logging.WARNING):
