@@ -290,7 +290,7 @@ def test_the_cells_are_those_that_a_triangle_touches():
 def test_slivers_that_lie_askew_have_no_more_cells_than_they_touch():
     count = 1000
     first = np.column_stack([np.arange(count) * 0.5, np.zeros(count)])
-    vertices = np.concatenate([first, first + (1500, 1500), first + (1500.3, 1500)])
+    vertices = np.concatenate([first, first + np.array([1500, 1500]), first + np.array([1500.3, 1500])])
     faces = np.arange(3 * count).reshape(3, count).T
     tracemalloc.start()
     cells = find_cells(vertices, faces, np.zeros(count, int))
