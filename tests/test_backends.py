@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import stereo_gpu as sg
-from stereo_gpu.backends import devices, open_backend
+from stereo_gpu import backends
+from stereo_gpu.backends import DeviceStatus, devices, open_backend
 from stereo_gpu.backends.contract import host_memory
 from stereo_gpu.config import PROFILES, Profile
 from stereo_gpu.device_match import check_match_memory
@@ -33,6 +34,30 @@ def test_devices_are_listed_best_first():
     assert sg.devices is devices
 
 
+@pytest.mark.parametrize(
+    ("driver", "there", "best", "asked"),
+    [
+        (True, {"warp": ["warp:cuda:0", "warp:cpu"], "opencl": ["opencl:gpu"]}, "warp:cuda:0", ["warp"]),
+        (True, {"warp": ["warp:cpu"], "opencl": ["opencl:gpu", "opencl:cpu"]}, "opencl:gpu", ["warp", "opencl"]),
+        (True, {"warp": ["warp:cpu"], "opencl": []}, "warp:cpu", ["warp", "opencl"]),
+        (False, {"warp": ["warp:cpu"], "opencl": ["opencl:cpu"]}, "opencl:cpu", ["opencl"]),
+        (False, {"warp": ["warp:cpu"], "opencl": []}, "warp:cpu", ["opencl", "warp"]),
+    ],
+)
+def test_the_best_device_is_found_without_importing_what_cannot_be_better(monkeypatch, driver, there, best, asked):
+    seen = []
+
+    def statuses(language):
+        seen.append(language)
+        kinds = {name: "cpu" if name.endswith("cpu") else "gpu" for name in there[language]}
+        missing = DeviceStatus(f"{language}:none", "none", "gpu", "it is missing", "buy one")
+        return [missing, *(DeviceStatus(name, name, kind) for name, kind in kinds.items())]
+
+    monkeypatch.setattr(backends, "has_cuda_driver", lambda: driver)
+    monkeypatch.setattr(backends, "_statuses", statuses)
+    assert backends._best.__wrapped__() == best and seen == asked
+
+
 def test_every_listed_device_opens_by_its_name():
     for status in devices():
         if status.available:
@@ -44,7 +69,8 @@ def test_every_listed_device_opens_by_its_name():
 TWINS = """
 import sys
 import numpy as np
-from stereo_gpu.backends import devices, open_backend
+from stereo_gpu import backends
+from stereo_gpu.backends import DeviceStatus, devices, open_backend
 from stereo_gpu.errors import BackendError
 first = sys.argv[1]
 second = first + "#2"

@@ -71,12 +71,15 @@ def _load(name: str) -> Backend:
 @cache
 def _best() -> str:
     """The first usable of: CUDA through Warp, an OpenCL GPU, an OpenCL CPU, Warp on the CPU."""
-    # Without CUDA an OpenCL device comes first, whatever Warp has, so that Warp need not be imported.
-    for languages in [("warp", "opencl")] if has_cuda_driver() else [("opencl",), ("warp",)]:
-        found = [status for language in languages for status in _statuses(language) if status.available]
-        if found:
-            return min(found, key=_rank).name
-    raise BackendError("nothing here can compute: see `stereo-gpu doctor`")
+    found: list[DeviceStatus] = []
+    for language in ("warp", "opencl") if has_cuda_driver() else ("opencl", "warp"):
+        found += [status for status in _statuses(language) if status.available]
+        # Only the CPU through Warp comes after what the other language has, which need not be imported for the rest.
+        if any(status.name != "warp:cpu" for status in found):
+            break
+    if not found:
+        raise BackendError("nothing here can compute: see `stereo-gpu doctor`")
+    return min(found, key=_rank).name
 
 
 def _rank(status: DeviceStatus) -> tuple[bool, bool, bool]:
