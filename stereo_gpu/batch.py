@@ -214,9 +214,10 @@ def _rig_digest(rig: Rig) -> str:
 
 
 def _failure(pair: ListedPair, error: StereoError) -> str:
-    """A line of failed.jsonl."""
-    said = {"name": pair.name, "left": str(pair.left), "right": str(pair.right), "error": str(error)}
-    return json.dumps(said) + "\n"
+    """A line of failed.jsonl, which is a manifest too, wherever it lies."""
+    files = {"left": pair.left, "right": pair.right, **({"mask": pair.mask} if pair.mask else {})}
+    whole = {side: str(file.absolute()) for side, file in files.items()}
+    return json.dumps({"name": pair.name, **whole, "error": str(error)}) + "\n"
 
 
 def _clear(folder: Path) -> None:

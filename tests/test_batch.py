@@ -54,6 +54,8 @@ def test_a_broken_pair_fails_alone_and_what_is_done_is_skipped(pairs, tmp_path, 
     assert tree(out) == sorted([*good, "failed.jsonl"])
     (failed,) = (json.loads(line) for line in (out / "failed.jsonl").read_text().splitlines())
     assert failed["name"] == "3" and "right3.png is cut off" in failed["error"]
+    (listed,) = list_pairs(out / "failed.jsonl")
+    assert (listed.name, listed.left, listed.mask) == ("3", pairs / "left3.png", None)
     assert "5 made" in said.out and "1 failed, of 6 pairs" in said.out and "pairs/" in said.out
     assert "6 of 6 pairs" in said.err and "1 of 6 pairs failed" in said.err
     record = json.loads((out / "4" / "result.json").read_text())
