@@ -23,6 +23,7 @@ from stereo_gpu.errors import InputError, StageError, StereoError
 
 _SCRIPT = Path(__file__).with_name("worker.py")
 WAITING_EACH = 2  # jobs begun and not yet taken by the caller, a worker: one that is done while the next is under way
+MOST_WORKERS = 1024  # more is a slip of the finger, for which no machine has the memory
 GRACE_S = 1.0  # to leave nothing half written, after which a process is killed
 _PIPE_BYTES = 1 << 20  # the most that Linux gives anybody: fewer turns for a result of 10 MB
 # What reads how many threads to start when it is loaded: PoCL, OpenBLAS, OpenMP.
@@ -73,9 +74,11 @@ def run_jobs(
         InputError: `workers` or `limit_s` is out of range.
     """
     cores = usable_cores()
-    count = cores if workers is None else workers
-    if isinstance(count, bool) or not isinstance(count, int) or count < 1:
-        raise InputError(f"workers = {workers!r:.60}: give a number of processes, 1 or more, or None for one a core")
+    count = min(cores, MOST_WORKERS) if workers is None else workers
+    if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= MOST_WORKERS:
+        raise InputError(
+            f"workers = {workers!r:.60}: give a number of processes, 1 to {MOST_WORKERS}, or None for one a core"
+        )
     if limit_s is not None and not limit_s > 0:
         raise InputError(f"limit_s = {limit_s!r:.60}: give a number of seconds above 0, or None for no limit")
     return _run((task, shared, max(1, cores // count)), iter(jobs), count, limit_s)
