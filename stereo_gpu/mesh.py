@@ -9,7 +9,7 @@ from stereo_gpu.backends import Backend, open_backend
 from stereo_gpu.errors import InputError, StageError
 from stereo_gpu.meshing.bounded_mesh import bounded_triangles
 from stereo_gpu.meshing.cell_triangles import dense_triangles
-from stereo_gpu.meshing.parts import covered_pixels, number_parts
+from stereo_gpu.meshing.parts import covered_pixels, number_sheets
 from stereo_gpu.meshing.sight import find_leaning, seen_openly
 from stereo_gpu.types import Doubles, Floats, Ints, Surface
 
@@ -43,7 +43,7 @@ def build_mesh(
         max_jump_px: no triangle holds neighbouring pixels that differ by more than this in disparity.
         min_angle_deg: no triangle that is seen at a flatter angle than this; such are drawn out between two objects,
             not seen on one. Nor their flanks, see `seen_openly`; but of a map of whole pixels, which rises in steps.
-        smallest_part: no connected part that covers fewer pixels of the view than this.
+        smallest_part: no part, of triangles that hang together by their sides, that covers fewer pixels than this.
         farthest: no point beyond so many times the median depth, nor one at or behind the camera: tiny
             disparities give depths without meaning, and one such vertex spoils everything that scales a mesh
             by its size.
@@ -74,8 +74,9 @@ def build_mesh(
         flat = _moved(flat, faces, known.ravel(), settled.ravel(), centre, infinity_px)
     leaning = find_leaning(device, known) if (known[usable] % 1).any() else None
     faces = faces[seen_openly(flat, faces, values.shape, min_angle_deg, centre, leaning)]
-    part, covered = number_parts(faces, values.shape), covered_pixels(faces, values.shape)
-    faces = faces[np.bincount(part, covered)[part] >= smallest_part] if len(faces) else faces
+    if len(faces):
+        sheet, covered = number_sheets(faces, values.shape), covered_pixels(faces, values.shape)
+        faces = faces[np.bincount(sheet, covered)[sheet] >= smallest_part]
     if not len(faces):
         raise StageError(
             f"no mesh: of {values.size} pixels {int(usable.sum())} have a usable disparity and none make a part"

@@ -43,6 +43,32 @@ def number_parts(faces: Ints, shape: tuple[int, ...]) -> Ints:
     return np.asarray(label.ravel()[start], np.int32)
 
 
+def number_sheets(faces: Ints, shape: tuple[int, ...]) -> Ints:
+    """Number the sheets of a mesh: faces that share a side, not a corner alone, are of one.
+
+    Args:
+        faces: (M, 3) over flat pixel indices, none over another, and no corner within another's side.
+        shape: (H, W) of the lattice.
+
+    Returns:
+        (M,) numbers from 0 on.
+    """
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    height, width = shape
+    row, column = np.divmod(faces, np.int32(width))
+    # Sides do not cross, so that each is known by its middle, which lies on the lattice of twice the size.
+    middle = (row + np.roll(row, -1, axis=1)) * (2 * width - 1) + column + np.roll(column, -1, axis=1)
+    number = np.arange(len(faces), dtype=np.int32)
+    one_at = np.empty((2 * height - 1) * (2 * width - 1), np.int32)
+    for side in middle.T:
+        one_at[side] = number
+    pairs = number.repeat(3), one_at[middle.ravel()]
+    joined = coo_array((np.ones(len(pairs[0]), bool), pairs), shape=(len(faces), len(faces)))
+    return np.asarray(connected_components(joined, directed=False)[1], np.int32)
+
+
 def covered_pixels(faces: Ints, shape: tuple[int, ...]) -> Floats:
     """(M,): area of each face of `number_parts` in the picture, px."""
     row, column = np.divmod(faces, np.int32(shape[1]))
