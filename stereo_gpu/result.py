@@ -264,8 +264,9 @@ class Reconstruction:
         ]
 
     def _colours(self) -> Bytes:
-        """The reference picture as (H, W, 3) uint8."""
-        picture = self.picture.astype(np.float32) * np.float32(grey_scale(self.picture))
+        """The reference picture as (H, W, 3) uint8, as bright as the texture."""
+        raw = self.raw_left if self.disparity.reference is View.LEFT else self.raw_right
+        picture = self.picture.astype(np.float32) * np.float32(grey_scale(raw))
         eight = np.clip(picture + 0.5, 0, 255).astype(np.uint8)
         return eight if eight.ndim == 3 else np.repeat(eight[..., None], 3, axis=2)
 

@@ -16,6 +16,7 @@ from stereo_gpu.pfm import read_pfm
 from stereo_gpu.pipeline import STAGES
 from stereo_gpu.rig_check import Verdict
 from stereo_gpu.scene_truth import measure_surface
+from stereo_gpu.texture import project
 
 QUICK = {"profile": "fast", "disparities": (20, 44), "mesh": sg.MeshOptions(faces=4000, unwrap="view")}
 DEPTH_PERCENT = 0.5  # median at 320 x 240, where a pixel of disparity is 2.5 % of the depth
@@ -191,6 +192,13 @@ def test_grey_and_16_bit_pictures(small_scene, pictures):
         assert result.mesh.texture.dtype == np.uint8 and result.mesh.texture.shape[2] == 3
         assert measure_surface(small_scene, result.pair, result.points)["depth_median_percent"] < DEPTH_PERCENT
     assert deep.mesh.texture.max() > 128
+    # The cloud is as bright as the model: by the raw picture, whatever part of it is left when it is rectified.
+    dim = dataclasses.replace(deep, pair=dataclasses.replace(deep.pair, right=deep.pair.right // 2))
+    assert np.median(np.abs(dim._colours() - deep._colours() / 2)) <= 1  # what was saturated is so no more
+    mesh = deep.mesh
+    column, row = (mesh.uv * mesh.texture.shape[1::-1]).astype(int).T
+    x, y, _ = project(mesh.vertices, deep.pair, deep.disparity.reference).round().astype(int).T
+    assert np.median(np.abs(deep._colours()[y, x] - mesh.texture[row, column].astype(int))) <= 1
 
 
 @pytest.mark.parametrize(
