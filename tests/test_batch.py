@@ -136,6 +136,8 @@ def test_an_interrupted_batch_leaves_whole_files_and_no_process(pairs, tmp_path,
         time.sleep(0.01)
     workers = children(batch.pid)
     batch.send_signal(how)
+    time.sleep(0.05)
+    batch.send_signal(how)  # impatient people press it twice
     said, told = batch.communicate(timeout=20)
     # The last pairs may have been done by then.
     assert batch.returncode in (0, 130) and "Traceback" not in told

@@ -110,6 +110,9 @@ def run(options: argparse.Namespace) -> None:
             for pair in done:
                 tally.add(pair)
         except KeyboardInterrupt:
+            # The end is near: a second one, or a third, would only cut off what cleans up.
+            for again in (signal.SIGINT, signal.SIGTERM):
+                signal.signal(again, signal.SIG_IGN)
             done.close()
             tally.clear()
             print(f"{tally.summary()}; the same command goes on from here", flush=True)
