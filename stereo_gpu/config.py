@@ -150,7 +150,7 @@ class MeshOptions:
         max_jump_px: disparity difference over which two pixels are not on one surface, px.
         largest_hole: holes of up to so many pixels, and narrow parts of larger ones, are closed along their surface; 0
             for none, None for all.
-        smallest_part: a connected part that covers less than this many pixels is dropped.
+        smallest_part: a part that covers less than this many pixels is dropped, one that hangs by a corner alone too.
         faces: number of triangles to decimate to; 0 keeps them all.
         decimate_error: or how far decimation may move the surface, in the rig's unit; None for `faces` alone.
         smoothing: passes of the smoothing filter; 0 for none.
