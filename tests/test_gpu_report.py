@@ -9,10 +9,11 @@ from conftest import missing
 sys.path.insert(0, str(Path(__file__).parents[1] / "tools"))
 TOOLS = pytest.importorskip("gpu_compile", reason="needs the checkout's tools")
 from gpu_chips import CHIPS, bound, occupancy  # noqa: E402
-from gpu_compile import KERNELS, Compiled, compile_for_amd, compile_for_cuda, find_clang, find_ptxas  # noqa: E402
+from gpu_compile import ARGUMENTS, KERNELS, Compiled, compile_for_amd, compile_for_cuda, find_clang, find_ptxas  # noqa: E402
 from gpu_report import HOT, bound_lines, compiled_lines, faults  # noqa: E402
 
 from stereo_gpu.kernels.costs import cost  # noqa: E402
+from stereo_gpu.kernels.geometry import geometry  # noqa: E402
 
 
 @pytest.mark.parametrize(
@@ -28,6 +29,12 @@ from stereo_gpu.kernels.costs import cost  # noqa: E402
 )
 def test_occupancy(architecture, registers, shared, threads, share):
     assert occupancy(architecture, registers, shared, threads) == share
+
+
+@pytest.mark.parametrize("kernel", KERNELS)
+def test_every_kernel_can_be_planned(kernel):
+    plan = geometry(kernel, "warp", "gpu", ARGUMENTS, 132)
+    assert all(size > 0 for size in plan.size)
 
 
 def test_bound():

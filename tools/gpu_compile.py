@@ -36,6 +36,8 @@ ARGUMENTS = {
     "texture_width": 1,
     "texture_height": 1,
     "cell": 4,
+    "side": 2,
+    "diagonal": 1,
     "planes_wide": WIDTH // 8,
     "planes_high": HEIGHT // 8,
 }
