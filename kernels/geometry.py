@@ -180,7 +180,7 @@ def _ncc_winners_in_warp(call: Call) -> Geometry:
 
 
 # The same as in the forms of aggregate for GPUs: work-items and lines of a group, and disparities that need no scratch.
-LINE_GROUP, GROUP_LINES, HELD = 64, {"opencl": 2, "warp": 1}, 256
+LINE_GROUP, GROUP_LINES, HELD = 64, 2, 256
 # The same as in the forms of aggregate for CPUs: rows of a band, columns of a strip at most, lanes at most.
 BAND, WIDEST, SHORTS = 32, 256, 32
 # The same as in the form of aggregate for CPUs in Warp.
@@ -199,7 +199,7 @@ def _paths(call: Call) -> int:
 def _paths_on_gpu(call: Call) -> Geometry:
     lines = _lines(call)
     rest = 2 * lines * call["disparities"] if call["disparities"] > HELD else 1
-    groups = -(-lines // GROUP_LINES[call.language])
+    groups = -(-lines // GROUP_LINES)
     size = (groups * LINE_GROUP,) if call.language == "opencl" else (LINE_GROUP, groups)
     return Geometry(size, scratch_floats=rest, group=LINE_GROUP, stages=_paths(call))
 

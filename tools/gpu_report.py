@@ -33,6 +33,9 @@ from stereo_gpu.kernels.geometry import geometry
 
 HOT = ("ncc_wta", "aggregate", "ncc_volume", "wta", "match_cost", "lowest", "evidence", "median")
 FULL_ENOUGH = 0.5
+# What hides its waiting by itself needs less: `aggregate` asks for memory four steps ahead, and with 28 % of an H100
+# filled it is 3.4 times as fast there as the form that waited and filled half.
+FULL_ENOUGH_OF = {"aggregate": 0.2}
 KEPT = Path("gpu_report.json")
 
 
@@ -137,8 +140,9 @@ def faults(found: Sequence[Compiled]) -> Iterable[str]:
             yield f"{where} spills {one.spilled} bytes of registers: give it fewer values to hold at once"
         if one.calls:
             yield f"{where} makes {one.calls} calls: its figures say nothing of what they take"
-        if one.kernel in HOT and one.occupancy < FULL_ENOUGH:
-            yield f"{where} fills {one.occupancy:.0%} of the GPU, under {FULL_ENOUGH:.0%}: spare registers or memory"
+        enough = FULL_ENOUGH_OF.get(one.kernel, FULL_ENOUGH)
+        if one.kernel in HOT and one.occupancy < enough:
+            yield f"{where} fills {one.occupancy:.0%} of the GPU, under {enough:.0%}: spare registers or memory"
 
 
 def print_lines(lines: Iterable[str]) -> None:
