@@ -197,7 +197,10 @@ def _prepare(
 def _prepare_match(
     case: ProfileCase, device: Backend, scene: BenchScene
 ) -> tuple[Callable[[], float | None], dict[str, Any]]:
-    check_match_memory(device, scene.width, scene.height, scene.disparities, options_of(case.profile, scene))
+    options = options_of(case.profile, scene)
+    check_match_memory(device, scene.width, scene.height, scene.disparities, options)
+    # Smooth paths have no window, and would say so at every run.
+    window = None if options.smooth_paths else scene.window
 
     def run() -> float | None:
         with device.device_times() as times:
@@ -205,7 +208,7 @@ def _prepare_match(
                 scene.left,
                 scene.right,
                 disparities=(0, scene.disparities),
-                window=scene.window,
+                window=window,
                 profile=case.profile,
                 backend=device.name,
             )
