@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from stereo_gpu.rig_check import RigCheck, Verdict
-from stereo_gpu.types import Disparity
+from stereo_gpu.types import Disparity, Validity
 from stereo_gpu.unwrap import Unwrapped
 
 LOW_COVERAGE = 0.5
+LOW_MEASURED = 0.5
 RANGE_HIT = 0.01  # share of the disparities in the last px of the range that says it is cut off; 0.001 are usual
 
 
@@ -27,10 +28,21 @@ def find_warnings(
     covered = disparity.coverage
     if covered < LOW_COVERAGE:
         found.append(f"Only {covered:.0%} of the wanted pixels have a disparity: too little texture, or a wrong range.")
+    elif (measured := _measured(disparity)) < LOW_MEASURED:
+        found.append(
+            f"Only {measured:.0%} of the wanted pixels were measured, most others are filled in from them: the model is"
+            " a guess there, or open; more texture or light helps."
+        )
     found += range_warnings(disparity, infinity_px)
     if unwrapped is not None and unwrapped.reason:
         found.append(f"The texture uses {unwrapped.reason}.")
     return found
+
+
+def _measured(disparity: Disparity) -> float:
+    """Share of the pixels that are not masked whose disparity is their own."""
+    wanted = (disparity.validity & Validity.MASKED) == 0
+    return float((disparity.validity[wanted] == 0).mean())
 
 
 def range_warnings(disparity: Disparity, infinity_px: float | None = None) -> list[str]:

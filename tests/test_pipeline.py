@@ -17,6 +17,7 @@ from stereo_gpu.pipeline import STAGES
 from stereo_gpu.rig_check import Verdict
 from stereo_gpu.scene_truth import measure_surface
 from stereo_gpu.texture import project
+from stereo_gpu.types import Validity
 
 QUICK = {"profile": "fast", "disparities": (20, 44), "mesh": sg.MeshOptions(faces=4000, unwrap="view")}
 DEPTH_PERCENT = 0.5  # median at 320 x 240, where a pixel of disparity is 2.5 % of the depth
@@ -303,6 +304,10 @@ def test_warnings_say_what_is_wrong(made):
         made.disparity, values=np.where(made.disparity.values > 45, made.disparity.values, np.nan)
     )
     assert any("of the wanted pixels have a disparity" in told for told in find_warnings(well, sparse, None))
+    validity = made.disparity.validity.copy()
+    validity[::2] |= np.uint8(Validity.FILLED | Validity.OCCLUDED)
+    filled = dataclasses.replace(made.disparity, validity=validity, values=np.nan_to_num(made.disparity.values, nan=40))
+    assert any("of the wanted pixels were measured" in told for told in find_warnings(well, filled, None))
 
 
 def test_motorcycle_in_millimetres(data):
