@@ -22,6 +22,7 @@ from stereo_gpu.batching.workers import run_jobs
 from stereo_gpu.config import MeshOptions
 from stereo_gpu.errors import InputError, StereoError
 from stereo_gpu.files import check_writable, write_whole
+from stereo_gpu.inputs import hash_file
 from stereo_gpu.job import plan_job
 from stereo_gpu.mask import mask_from_file
 from stereo_gpu.match_options import Range, Window
@@ -193,7 +194,7 @@ def _digest(pair: ListedPair, wanted: dict[str, Any]) -> str | None:
     """A hash of all that decides the result; None where a picture cannot be read, which the pipeline then tells."""
     named = {"left": pair.left, "right": pair.right, **({"mask": pair.mask} if pair.mask else {})}
     try:
-        inputs = {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in named.items()}
+        inputs = {name: hash_file(path) for name, path in named.items()}
     except (OSError, ValueError):
         return None
     return hashlib.sha256(json.dumps({**wanted, "inputs": inputs}, sort_keys=True, default=float).encode()).hexdigest()

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import math
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -18,7 +15,8 @@ from stereo_gpu.close_holes import close_holes
 from stereo_gpu.config import Checking, MeshOptions
 from stereo_gpu.disparity_range import find_range
 from stereo_gpu.errors import InputError
-from stereo_gpu.images import check_pair, read_image
+from stereo_gpu.images import check_pair
+from stereo_gpu.inputs import Source, describe, hash_array, read_source
 from stereo_gpu.job import Job, Rectangle, check_against, parse_check, plan_job
 from stereo_gpu.known_distance import KnownDistance, scale_to
 from stereo_gpu.level_spikes import level_spikes
@@ -55,8 +53,6 @@ STAGES = (
     "unwrap",
     "texture",
 )
-
-Source = Picture | str | os.PathLike[str]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -146,8 +142,8 @@ def reconstruct(
     device = open_backend(backend)
     watch = Stopwatch(progress)
     with watch.step("read"):
-        raw_left, raw_right = _read(left), _read(right)
-        inputs = {"left": _describe(left), "right": _describe(right)}
+        raw_left, raw_right = read_source(left), read_source(right)
+        inputs = {"left": describe(left), "right": describe(right)}
         check_pair(raw_left, raw_right)
         if distance is not None:
             distance.refuse_outside((raw_left.shape[1], raw_left.shape[0]))
@@ -204,7 +200,7 @@ def reconstruct_rectified(
     device = open_backend(backend)
     watch = Stopwatch(progress)
     with watch.step("read"):
-        inputs = {"left": _describe(pair.left), "right": _describe(pair.right)}
+        inputs = {"left": describe(pair.left), "right": describe(pair.right)}
         check_pair(pair.left, pair.right)
         check_shown(pair.unit)
         job = check_against(job, pair.left)
@@ -301,7 +297,7 @@ def _from_rectified(
             "reference": str(job.view),
             "disparities": [smallest, count],
             "disparities_found": job.disparities == "auto",
-            "mask": None if job.mask is None else _digest(job.mask),
+            "mask": None if job.mask is None else hash_array(job.mask),
             "rectangle": job.rectangle,
             # JSON knows no infinity: null is an open end.
             "depth": None if job.depth is None else tuple(end if math.isfinite(end) else None for end in job.depth),
@@ -359,20 +355,3 @@ def _cut_depth(disparity: Disparity, points: Floats, depth: tuple[float, float])
         confidence=np.where(outside, np.float32(0), disparity.confidence),
     )
     return cut, np.where(outside[..., None], np.float32(np.nan), points)
-
-
-def _read(given: Source) -> Picture:
-    return given if isinstance(given, np.ndarray) else read_image(given)
-
-
-def _describe(given: Source) -> dict[str, str]:
-    if isinstance(given, np.ndarray):
-        return {"name": "array", "sha256": _digest(given)}
-    path = Path(given)
-    # A name of bytes that are no text could not be written into the result's files.
-    name = os.fsencode(path.name).decode("utf-8", "replace")
-    return {"name": name, "sha256": hashlib.sha256(path.read_bytes()).hexdigest()}
-
-
-def _digest(array: Picture) -> str:
-    return hashlib.sha256(array.tobytes()).hexdigest()

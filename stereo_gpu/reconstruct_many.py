@@ -12,9 +12,10 @@ from stereo_gpu.backends.share import usable_cores
 from stereo_gpu.batching.workers import Answer, run_jobs
 from stereo_gpu.config import MeshOptions
 from stereo_gpu.errors import InputError, StereoError
+from stereo_gpu.inputs import Source
 from stereo_gpu.job import Rectangle, plan_job
 from stereo_gpu.match_options import Range, Window
-from stereo_gpu.pipeline import Source, reconstruct
+from stereo_gpu.pipeline import reconstruct
 from stereo_gpu.rig import Rig
 from stereo_gpu.types import Bytes
 
