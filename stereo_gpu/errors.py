@@ -7,7 +7,9 @@ StereoError
 |-- CameraError       a camera or stream that was read fails and does not come back
 |-- BackendError      a device is missing, cannot be used or failed
 |   `-- MemoryLimitError  a job does not fit the device
-`-- StageError        a stage had nothing to work on (no valid disparity, an empty mesh)
+|-- StageError        a stage had nothing to work on (no valid disparity, an empty mesh)
+|-- WorkerError       a process that did a job died or was stopped at a limit: the job may go well another time
+`-- CancelledError    somebody wanted a job no more
 
 Every message is one line: the thing, the value, the way out.
 """
@@ -43,3 +45,11 @@ class MemoryLimitError(BackendError):
 
 class StageError(StereoError):
     """A stage had nothing to work on."""
+
+
+class WorkerError(StereoError):
+    """A process that did a job died, or was stopped at a limit of time or memory; the job may go well another time."""
+
+
+class CancelledError(StereoError):
+    """Somebody wanted a job no more."""

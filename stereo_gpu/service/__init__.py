@@ -1,0 +1,1 @@
+"""The reconstruction service: pairs in over HTTP, models out, nothing lost."""
