@@ -1,7 +1,7 @@
 """Devices and data that tests run on; what is missing is skipped by name, or fails if it is required.
 
-STEREO_GPU_REQUIRE=opencl,warp:cpu,data,ptxas,vtk,gltf-validator turns the skip of a missing device, of missing data or
-of a missing tool into a failure.
+STEREO_GPU_REQUIRE=opencl,warp:cpu,data,ptxas,vtk,gltf-validator,service,ray,chromium turns the skip of a missing
+device, of missing data, of an extra or of a tool into a failure.
 """
 
 import os
