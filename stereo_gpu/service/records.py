@@ -61,7 +61,7 @@ class Job:
         order: its place in the table; later jobs have larger ones.
         created, started, ended: seconds since 1970; None where it has not come to that. `started` is of the last try.
         tries: begun so far; those that a stop of the service gave back do not count.
-        stage: that has begun last, by the last heartbeat; live ones are in `live.Live`.
+        stage, fraction: that has begun last, and of how many, by the last heartbeat; live ones are in `live.Live`.
         error: why it failed, one line; None where it did not.
         warnings: what a person should know of its result.
         seconds: of each stage, and "total" of the last try.
@@ -85,6 +85,7 @@ class Job:
     ended: float | None = None
     tries: int = 0
     stage: str | None = None
+    fraction: float = 0.0
     error: str | None = None
     warnings: tuple[str, ...] = ()
     seconds: dict[str, float] = field(default_factory=dict)

@@ -1,0 +1,119 @@
+"""The jobs of the clients: one, a page of them, how many, and their end."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from collections.abc import Sequence
+
+from stereo_gpu.service.records import Job, Kind, State
+from stereo_gpu.service.refusals import Conflict
+from stereo_gpu.service.store.part import Part, find_job, job_of
+
+
+class Jobs(Part):
+    """Jobs as they stand in the table, and how old ones leave it."""
+
+    def job(self, client: str, id: str) -> Job:
+        """A client's job.
+
+        Raises:
+            NotFound: it has none of this id.
+        """
+        with self._database.read() as tables:
+            return find_job(tables, client, id)
+
+    def any_job(self, id: str) -> Job | None:
+        """The job of this id, whose ever it is; None where there is none."""
+        with self._database.read() as tables:
+            row = tables.execute("SELECT * FROM jobs WHERE id = ?", (id,)).fetchone()
+        return None if row is None else job_of(row)
+
+    def jobs(
+        self,
+        client: str,
+        *,
+        state: State | None = None,
+        kind: Kind | None = None,
+        limit: int = 50,
+        after: int | None = None,
+    ) -> list[Job]:
+        """A client's jobs, newest first: up to `limit` of those whose `order` is smaller than `after`."""
+        wanted = {"state": state, "kind": kind}
+        bounds = [f"{name} = :{name}" for name, value in wanted.items() if value is not None]
+        if after is not None:
+            bounds.append("number < :after")
+        with self._database.read() as tables:
+            rows = tables.execute(
+                f"SELECT * FROM jobs WHERE {' AND '.join(['client = :client', *bounds])}"
+                " ORDER BY number DESC LIMIT :limit",
+                {**wanted, "client": client, "after": after, "limit": limit},
+            ).fetchall()
+        return [job_of(row) for row in rows]
+
+    def counts(self) -> dict[State, int]:
+        """How many jobs of all clients are in each state."""
+        with self._database.read() as tables:
+            found = dict(tables.execute("SELECT state, count(*) FROM jobs GROUP BY state").fetchall())
+        return {state: found.get(state.value, 0) for state in State}
+
+    def place(self, job: Job) -> int | None:
+        """How many jobs wait before this one; None where it does not wait."""
+        return self.places([job]).get(job.id)
+
+    def places(self, jobs: Sequence[Job]) -> dict[str, int]:
+        """How many jobs wait before each of those that wait, by their ids.
+
+        Clients take turns: before the third job of one go its first two, and up to three of each other one.
+        """
+        with self._database.read() as tables:
+            query = "SELECT client, number FROM jobs WHERE state = 'queued' ORDER BY client, number"
+            waiting: dict[str, list[int]] = {}
+            for client, number in tables.execute(query):
+                waiting.setdefault(client, []).append(number)
+            turn = dict(tables.execute("SELECT name, turn FROM clients").fetchall())
+        places = {}
+        for job in jobs:
+            own = waiting.get(job.client, [])
+            ahead = bisect_left(own, job.order)
+            if own[ahead : ahead + 1] == [job.order]:
+                others = (
+                    min(len(theirs), ahead + (turn[client] < turn[job.client]))
+                    for client, theirs in waiting.items()
+                    if client != job.client
+                )
+                places[job.id] = ahead + sum(others)
+        return places
+
+    def delete(self, client: str, id: str) -> None:
+        """Forget a job that has ended; its folder is left to the caller.
+
+        Raises:
+            NotFound: the client has none of this id.
+            Conflict: it waits or runs.
+        """
+        with self._database.write() as tables:
+            job = find_job(tables, client, id)
+            if not job.state.ended:
+                raise Conflict(f"job {id} is {job.state}: cancel it first")
+            tables.execute("DELETE FROM jobs WHERE id = ?", (id,))
+
+    def ended_before(self, time: float, *, limit: int = 100) -> list[Job]:
+        """Jobs that ended before `time` (seconds since 1970), the longest ago first."""
+        query = "SELECT * FROM jobs WHERE ended IS NOT NULL AND ended < ? ORDER BY ended LIMIT ?"
+        with self._database.read() as tables:
+            return [job_of(row) for row in tables.execute(query, (time, limit))]
+
+    def oldest_ended(self, *, limit: int = 100) -> list[Job]:
+        """Jobs that have ended, the longest ago first."""
+        return self.ended_before(float("inf"), limit=limit)
+
+    def ended_bytes(self) -> int:
+        """What the inputs and results of all jobs that have ended take on the disk."""
+        with self._database.read() as tables:
+            query = "SELECT coalesce(sum(bytes), 0) FROM jobs WHERE ended IS NOT NULL"
+            return int(tables.execute(query).fetchone()[0])
+
+    def known(self) -> set[str]:
+        """The ids of all jobs and rigs: folders of others may be swept."""
+        with self._database.read() as tables:
+            return {row[0] for row in tables.execute("SELECT id FROM jobs UNION ALL SELECT id FROM rigs")}
