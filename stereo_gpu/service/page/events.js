@@ -1,0 +1,69 @@
+// Server-sent events over fetch, since EventSource sends no token; comes back by itself until the job has ended.
+
+import { Lost, Refused, send } from "./api.js";
+import { lost, pause, waiting } from "./connection.js";
+
+const SILENT = 30_000; // ms: the service sends a comment every 10 s, so the line is dead after that
+export const ENDED = ["done", "failed", "cancelled"];
+
+/** Call `changed` with the job now and whenever it changes; returns when it has ended. Throws Refused. */
+export async function follow(path, changed, signal) {
+  for (let tries = 0; ; tries++) {
+    try {
+      let ended = false;
+      await listen(path, signal, (job) => {
+        tries = 0;
+        ended = ENDED.includes(job.state);
+        changed(job);
+      });
+      if (ended) return;
+    } catch (error) {
+      if (signal.aborted) throw signal.reason;
+      const busy = error instanceof Refused && [502, 503, 504].includes(error.status);
+      if (!busy && !(error instanceof Lost)) throw error;
+      lost();
+    }
+    await pause(waiting(tries), signal);
+  }
+}
+
+async function listen(path, signal, changed) {
+  const silence = new AbortController();
+  let timer = setTimeout(() => silence.abort(), SILENT);
+  const stop = () => silence.abort();
+  signal.addEventListener("abort", stop);
+  try {
+    const answer = await send(path, { signal: silence.signal, headers: { Accept: "text/event-stream" } });
+    const reader = answer.body.pipeThrough(new TextDecoderStream()).getReader();
+    let rest = "";
+    for (;;) {
+      const { done, value } = await reader.read();
+      if (done) return;
+      clearTimeout(timer);
+      timer = setTimeout(() => silence.abort(), SILENT);
+      const events = (rest + value).replaceAll("\r\n", "\n").split("\n\n");
+      rest = events.pop();
+      for (const event of events) {
+        const { name, data } = parse(event);
+        if (name === "job") changed(JSON.parse(data));
+      }
+    }
+  } catch (error) {
+    if (error instanceof Refused) throw error;
+    throw new Lost("the service broke off its events", { cause: error });
+  } finally {
+    clearTimeout(timer);
+    signal.removeEventListener("abort", stop);
+  }
+}
+
+function parse(event) {
+  let name = "message";
+  const data = [];
+  for (const line of event.split("\n")) {
+    const [, key, value] = /^([^:]*):? ?(.*)$/.exec(line);
+    if (key === "event") name = value;
+    if (key === "data") data.push(value);
+  }
+  return { name, data: data.join("\n") };
+}

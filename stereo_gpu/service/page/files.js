@@ -1,0 +1,36 @@
+// The files of a result, each with a button that brings it.
+
+import { body, persist, send } from "./api.js";
+import { alertLine, button, make, say } from "./dom.js";
+import { bytesWords, fileWords, jobName } from "./words.js";
+
+const LIFE = 60_000; // ms that a browser gets to write a file that it was handed
+
+/** A table of files to download. */
+export function downloads(items, job, signal) {
+  const told = alertLine();
+  const rows = items.map((item) => {
+    const get = button("Download", () => fetchFile(item, job, get, told, signal), { "aria-label": `Download ${item.name}` });
+    return make("tr", {}, make("th", { scope: "row" }, item.name, make("small", {}, fileWords(item.name))),
+      make("td", { class: "number" }, bytesWords(item.bytes)), make("td", {}, get));
+  });
+  return make("section", {}, make("h2", {}, "Files"), make("div", { class: "card" }, make("table", { class: "files" }, make("tbody", {}, rows)), told));
+}
+
+async function fetchFile(item, job, get, told, signal) {
+  say(told, "");
+  get.disabled = true;
+  get.textContent = "Coming …";
+  try {
+    const blob = await persist(async () => body(await send(item.href, { signal }), "blob", signal), signal);
+    const address = URL.createObjectURL(blob);
+    const name = jobName(job).replace(/[^\p{L}\p{N}._-]+/gu, "_").slice(0, 60);
+    make("a", { href: address, download: `${name}_${item.name}` }).click();
+    setTimeout(() => URL.revokeObjectURL(address), LIFE);
+  } catch (error) {
+    if (!signal.aborted) say(told, `${item.name}: ${error.message}`);
+  } finally {
+    get.disabled = false;
+    get.textContent = "Download";
+  }
+}
