@@ -117,3 +117,8 @@ class Jobs(Part):
         """The ids of all jobs and rigs: folders of others may be swept."""
         with self._database.read() as tables:
             return {row[0] for row in tables.execute("SELECT id FROM jobs UNION ALL SELECT id FROM rigs")}
+
+    def running(self) -> set[str]:
+        """The ids of all jobs that are leased."""
+        with self._database.read() as tables:
+            return {row[0] for row in tables.execute("SELECT id FROM jobs WHERE state = 'running'")}

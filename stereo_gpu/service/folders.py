@@ -1,0 +1,297 @@
+"""Where the service keeps its files: every path is made here, from ids of 32 hexadecimal digits and nothing else.
+
+    DATA/service.sqlite3        the table
+    DATA/token, DATA/lock       the first token; held while a service runs
+    DATA/rigs/ID/rig.json
+    DATA/jobs/ID/inputs/        as they were sent
+    DATA/jobs/ID/try-N.part/    what a try has made so far
+    DATA/jobs/ID/result/        of the try that ended well; manifest.json says what is in it
+    DATA/jobs/ID/steps/         pictures of steps
+    DATA/outlines/ID/           views to paint on
+    DATA/uploads/X.part/        what is being sent, and what is being removed
+
+Folders move in one step, and what they hold reaches the disk before: nobody sees half of anything.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+import secrets
+import shutil
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from stereo_gpu.errors import InputError
+from stereo_gpu.service.manifest import Manifest, flush_file, flush_folder, read_manifest, seal
+from stereo_gpu.service.refusals import DiskFull, NotFound, StoreError
+
+_ID = re.compile(r"[0-9a-f]{32}")
+_STEP = re.compile(r"[a-z0-9][a-z0-9-]{0,39}")
+_TRY = re.compile(r"try-[0-9]+\.part")
+_UPLOAD = re.compile(r"[0-9a-f]{32}\.part")
+
+
+class Folders:
+    """The data folder of a service; makes paths, and moves what belongs together in one step."""
+
+    seal = staticmethod(seal)  # what a worker does last: see there
+
+    def __init__(self, root: str | os.PathLike[str]) -> None:
+        self.root = Path(root).absolute()
+        self.database = self.root / "service.sqlite3"
+        self.token_file = self.root / "token"
+        self.lock = self.root / "lock"
+        self.jobs = self.root / "jobs"
+        self.rigs = self.root / "rigs"
+        self.outlines = self.root / "outlines"
+        self.uploads = self.root / "uploads"
+
+    def job(self, id: str) -> Path:
+        """The folder of a job.
+
+        Raises:
+            NotFound: the id is none; so do all that take one.
+        """
+        return self.jobs / _checked(id)
+
+    def inputs(self, id: str) -> Path:
+        """The folder of the pictures that a job was sent with."""
+        return self.job(id) / "inputs"
+
+    def attempt(self, id: str, number: int) -> Path:
+        """The folder that the try of this number writes."""
+        return self.job(id) / f"try-{int(number)}.part"
+
+    def result(self, id: str) -> Path:
+        """The folder of a job's result."""
+        return self.job(id) / "result"
+
+    def steps(self, id: str) -> Path:
+        """The folder of the pictures of a job's steps."""
+        return self.job(id) / "steps"
+
+    def step(self, id: str, name: str) -> Path:
+        """The picture of a step.
+
+        Raises:
+            NotFound: `name` is no name of a step.
+        """
+        if not _STEP.fullmatch(name):
+            raise NotFound(f"there is no step {name[:60]!r}: ask for the job")
+        return self.steps(id) / f"{name}.jpg"
+
+    def rig(self, id: str) -> Path:
+        """The folder of a rig."""
+        return self.rigs / _checked(id)
+
+    def rig_file(self, id: str) -> Path:
+        """The file of a rig."""
+        return self.rig(id) / "rig.json"
+
+    def outline(self, id: str) -> Path:
+        """The folder of a view to paint on."""
+        return self.outlines / _checked(id)
+
+    def new_upload(self) -> Path:
+        """A new folder, for what is being sent.
+
+        Raises:
+            DiskFull, StoreError: it cannot be made.
+        """
+        path = self.uploads / f"{secrets.token_hex(16)}.part"
+        with _written(path):
+            path.mkdir(mode=0o700)
+        return path
+
+    def accept(self, upload: Path, id: str) -> None:
+        """Make an upload the inputs of a new job; when this returns, they are on the disk.
+
+        Raises:
+            DiskFull, StoreError: they cannot be moved, or the job has inputs already.
+        """
+        job = self.job(id)
+        with _written(job):
+            for file in upload.iterdir():
+                flush_file(file)
+            flush_folder(upload)
+            job.mkdir(mode=0o700)
+            upload.rename(job / "inputs")
+            flush_folder(job)
+            flush_folder(self.jobs)
+
+    def publish(self, id: str, number: int) -> Manifest:
+        """Make what a sealed try has made the job's result, and remove what other tries have left.
+
+        A whole result that is there already stays, so that this can be done again after a stop at any moment.
+
+        Raises:
+            StoreError: the try is not whole, or cannot be moved.
+        """
+        attempt, result = self.attempt(id, number), self.result(id)
+        manifest = read_manifest(result)
+        with _written(result):
+            if manifest is None:
+                manifest = read_manifest(attempt)
+                if manifest is None:
+                    raise StoreError(f"{attempt} is not whole: restart the job")
+                if result.exists():
+                    self._vanish(result)
+                attempt.rename(result)
+                flush_folder(result.parent)
+        self.clear(id)
+        return manifest
+
+    def manifest(self, id: str) -> Manifest | None:
+        """What is in a job's result; None where there is none, or where it is not whole."""
+        return read_manifest(self.result(id))
+
+    def clear(self, id: str) -> None:
+        """Remove what tries of a job have left, when none is under way."""
+        for part in _parts(self.job(id)):
+            if _TRY.fullmatch(part.name):
+                shutil.rmtree(part, ignore_errors=True)
+
+    def remove_job(self, id: str) -> None:
+        """Remove a job's folder, if there is one; it is gone at once, or not at all.
+
+        Raises:
+            StoreError: it cannot be removed.
+        """
+        self._remove(self.job(id))
+
+    def remove_rig(self, id: str) -> None:
+        """Remove a rig's folder, if there is one; as `remove_job`."""
+        self._remove(self.rig(id))
+
+    def sweep(self, known: Collection[str], older_than: float, *, busy: Collection[str] = ()) -> int:
+        """Remove what nobody knows: uploads, views to paint on, folders of jobs and rigs, and what tries have left.
+
+        Args:
+            known: the ids of all jobs and rigs.
+            older_than: seconds since 1970; what has changed since stays.
+            busy: jobs that are under way, whose tries stay.
+
+        Returns:
+            How many folders went. What bears no name of ours is never touched.
+        """
+        unwanted = [part for part in _parts(self.uploads) if _UPLOAD.fullmatch(part.name)]
+        unwanted += [part for part in _parts(self.outlines) if _ID.fullmatch(part.name)]
+        for part in (*_parts(self.jobs), *_parts(self.rigs)):
+            if _ID.fullmatch(part.name) and part.name not in known:
+                unwanted.append(part)
+        for id in set(known) - set(busy):
+            unwanted += [part for part in _parts(self.job(id)) if _TRY.fullmatch(part.name)]
+        gone = 0
+        for part in unwanted:
+            with suppress(OSError, StoreError):  # it may have gone by itself; what stays is swept the next time
+                if part.stat().st_mtime < older_than:
+                    self._vanish(part)
+                    gone += 1
+        return gone
+
+    @contextmanager
+    def own(self) -> Iterator[None]:
+        """Make the folder if it is missing, and keep every other service out of it until the block ends.
+
+        Raises:
+            InputError: another service has it, it holds files that are none of ours, or it cannot be written.
+        """
+        self._make()
+        held = os.open(self.lock, os.O_RDWR | os.O_CREAT, 0o600)
+        try:
+            _lock(self.root, held)
+            os.ftruncate(held, 0)
+            os.write(held, f"{os.getpid()}\n".encode())
+            yield
+        finally:
+            os.close(held)
+
+    def keep_token(self, token: str) -> Path:
+        """Write the token where only the owner of the folder can read it; returns the file.
+
+        Raises:
+            DiskFull, StoreError: it cannot be written.
+        """
+        part = self.uploads / f"{secrets.token_hex(16)}.part"
+        with _written(self.token_file):
+            held = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+            try:
+                os.write(held, f"{token}\n".encode())
+                os.fsync(held)
+            finally:
+                os.close(held)
+            part.rename(self.token_file)
+            flush_folder(self.root)
+        return self.token_file
+
+    def _make(self) -> None:
+        try:
+            self.root.mkdir(mode=0o700, parents=True, exist_ok=True)
+            held = {part.name for part in self.root.iterdir() if not part.name.startswith(".")} - {"lost+found"}
+            if held and not held & {self.lock.name, self.database.name}:
+                raise InputError(f"{self.root} holds other files, such as {min(held)}: name a new or an empty folder")
+            self.lock.touch(mode=0o600)  # first: it tells that the folder is ours
+            for folder in (self.jobs, self.rigs, self.outlines, self.uploads):
+                folder.mkdir(mode=0o700, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"cannot write to {self.root}: {error.strerror or error}; name another folder") from error
+
+    def _remove(self, folder: Path) -> None:
+        with _written(folder):
+            if folder.exists():
+                self._vanish(folder)
+
+    def _vanish(self, path: Path) -> None:
+        """Remove what nobody needs any more: its name goes in one step, what is left of it is swept one day."""
+        away = path if path.parent == self.uploads else self.uploads / f"{secrets.token_hex(16)}.part"
+        if away != path:
+            path.rename(away)
+        if away.is_dir():
+            shutil.rmtree(away, ignore_errors=True)
+        else:
+            away.unlink(missing_ok=True)
+
+
+def _checked(id: str) -> str:
+    if not _ID.fullmatch(id):
+        raise NotFound(f"{id[:40]!r} is no id: ids are 32 hexadecimal digits")
+    return id
+
+
+def _parts(folder: Path) -> list[Path]:
+    try:
+        return sorted(folder.iterdir())
+    except OSError:
+        return []
+
+
+@contextmanager
+def _written(path: Path) -> Iterator[None]:
+    """Turn the system's errors into lines that name the path and the way out."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise DiskFull(f"cannot write {path}: the disk is full; make room") from error
+        raise StoreError(
+            f"cannot write {path}: {error.strerror or error}; see that the folder can be written"
+        ) from error
+
+
+def _lock(root: Path, held: int) -> None:
+    if os.name != "posix":
+        return
+    import fcntl
+
+    try:
+        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        process = os.pread(held, 20, 0).decode(errors="replace").strip() or "unknown"
+        raise InputError(f"process {process} serves {root} already: end it, or name another folder") from error
+    except OSError as error:
+        raise InputError(
+            f"{root} cannot be locked ({error.strerror or error}): name a folder on a file system that knows locks"
+        ) from error
