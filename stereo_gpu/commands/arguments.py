@@ -7,8 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stereo_gpu.errors import InputError
-
 if TYPE_CHECKING:
     from stereo_gpu.boards.board import Board
     from stereo_gpu.config import MeshOptions
@@ -52,19 +50,9 @@ def read_board(options: argparse.Namespace) -> Board:
     Raises:
         InputError: there is no such board, or options for markers stand without their sides.
     """
-    from stereo_gpu.boards.board import Board, parse_squares
-    from stereo_gpu.boards.charuco import CharucoBoard
+    from stereo_gpu.boards.choose import choose_board
 
-    if options.marker is None:
-        if options.dictionary is not None:
-            raise InputError(
-                f"--dictionary {options.dictionary!s:.60} stands without --marker: say the side of a marker too"
-            )
-        return Board.parse(options.board, 1.0 if options.square is None else options.square)
-    if options.square is None:
-        raise InputError(f"--marker {options.marker:g} stands without --square: say the side of a square too")
-    columns, rows = parse_squares(options.board)
-    return CharucoBoard(columns, rows, options.square, options.marker, options.dictionary or "5x5_250")
+    return choose_board(options.board, options.square, options.marker, options.dictionary, dashes="--")
 
 
 def add_backend(parser: argparse.ArgumentParser) -> None:
