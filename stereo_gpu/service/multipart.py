@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 import shutil
 import threading
 from collections.abc import Mapping
@@ -21,6 +22,8 @@ HEADER_BYTES = 4096  # of all headers of a part
 SHOWN = 100  # characters of a client's name for a file
 FREE_EVERY = 1 << 24  # bytes between two looks at the room on the disk
 PLAIN = {b"", b"7bit", b"8bit", b"binary"}  # transfer encodings that change nothing
+
+logging.getLogger("python_multipart").setLevel(logging.ERROR)  # what it warns of, it raises besides
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,6 +7,7 @@ from collections.abc import AsyncGenerator
 from contextlib import aclosing
 
 from fastapi import Request
+from starlette.requests import ClientDisconnect
 
 from stereo_gpu.service.problems import Problem
 from stereo_gpu.service.settings import Settings
@@ -19,8 +20,7 @@ async def stream_body(request: Request, settings: Settings, most: int) -> AsyncG
     `Expect: 100-continue` sends nothing.
 
     Raises:
-        Problem: it is larger than `most` bytes, or comes too slowly; or it is packed.
-        ClientDisconnect: the client went away.
+        Problem: it is larger than `most` bytes, comes too slowly, ends too early, or is packed.
     """
     packed = request.headers.get("content-encoding", "identity").strip().lower()
     if packed != "identity":
@@ -39,6 +39,8 @@ async def stream_body(request: Request, settings: Settings, most: int) -> AsyncG
                     part = await anext(stream, b"")
             except TimeoutError:
                 raise _too_slow(settings, idle=idle_end < end) from None
+            except ClientDisconnect:
+                raise Problem(400, "the connection was lost: send the request again") from None  # for the log alone
             if not part:
                 return
             taken += len(part)

@@ -77,9 +77,8 @@ async def receive_form(request: Request, folders: Folders, settings: Settings, w
     Whatever goes wrong, that folder is removed: an error below, a client that goes away, a stop of the service.
 
     Raises:
-        Problem: it is no form, damaged, too large, too slow, or there is no room for it.
+        Problem: it is no form, damaged, cut off, too large, too slow, or there is no room for it.
         InputError: it holds what is not wanted, lacks what is, or a picture is none that is taken.
-        ClientDisconnect: the client went away.
     """
     boundary = _boundary(request)
     spare = int(settings.spare_gb * (1 << 30))
