@@ -84,12 +84,8 @@ class Folders:
         return self.steps(id) / f"{name}.jpg"
 
     def rig(self, id: str) -> Path:
-        """The folder of a rig."""
-        return self.rigs / _checked(id)
-
-    def rig_file(self, id: str) -> Path:
-        """The file of a rig."""
-        return self.rig(id) / "rig.json"
+        """The file of a rig, in a folder of its own."""
+        return self.rigs / _checked(id) / "rig.json"
 
     def outline(self, id: str) -> Path:
         """The folder of a view to paint on."""
@@ -118,7 +114,11 @@ class Folders:
                 flush_file(file)
             flush_folder(upload)
             job.mkdir(mode=0o700)
-            upload.rename(job / "inputs")
+            try:
+                upload.rename(job / "inputs")
+            except OSError:
+                job.rmdir()
+                raise
             flush_folder(job)
             flush_folder(self.jobs)
 
@@ -164,7 +164,7 @@ class Folders:
 
     def remove_rig(self, id: str) -> None:
         """Remove a rig's folder, if there is one; as `remove_job`."""
-        self._remove(self.rig(id))
+        self._remove(self.rig(id).parent)
 
     def sweep(self, known: Collection[str], older_than: float, *, busy: Collection[str] = ()) -> int:
         """Remove what nobody knows: uploads, views to paint on, folders of jobs and rigs, and what tries have left.

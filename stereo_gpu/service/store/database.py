@@ -15,7 +15,6 @@ from stereo_gpu.service.store.schema import APPLICATION, TABLES, UPGRADES, VERSI
 
 BUSY_MS = 10_000  # how long a write waits for another process, such as a command that makes a token
 CACHE_KIB = 16_384
-CHECKPOINT_PAGES = 1_000  # 4 MB of journal, after which a writer folds it into the file
 
 
 class Database:
@@ -107,41 +106,46 @@ class Database:
                 self.path, timeout=BUSY_MS / 1000, isolation_level=None, check_same_thread=False, cached_statements=256
             )
             tables.row_factory = sqlite3.Row
-            for setting in (
-                "journal_mode = WAL",
-                "synchronous = FULL",
-                "foreign_keys = ON",
-                f"cache_size = -{CACHE_KIB}",
-                f"wal_autocheckpoint = {CHECKPOINT_PAGES}",
-            ):
+            for setting in ("synchronous = FULL", "foreign_keys = ON", f"cache_size = -{CACHE_KIB}"):
                 tables.execute(f"PRAGMA {setting}")
             return tables
 
     def _prepare(self) -> None:
-        """Make the tables in a new file; see that those of an old one are ours and whole."""
+        """See that the tables are ours and whole, or make them in a new file."""
         tables = self._writer
         for line in tables.execute("PRAGMA quick_check(1)"):
             if line[0] != "ok":
                 raise StoreError(f"{self.path} is damaged ({line[0]}): bring it back from a backup")
+        # Nothing is changed before it is known to be ours, the mode of its journal included.
+        self._version()
+        mode = tables.execute("PRAGMA journal_mode = WAL").fetchone()[0]
+        if mode != "wal":
+            raise StoreError(f"{self.path} lies on a file system without shared memory: name a folder on a local disk")
         # Another process may open the file at the same time: whoever has the lock first makes the tables.
         with self.write():
-            (application,), (version,) = (
-                tables.execute(f"PRAGMA {name}").fetchone() for name in ("application_id", "user_version")
-            )
-            empty = tables.execute("SELECT count(*) FROM sqlite_master").fetchone()[0] == 0
-            if not (empty or application == APPLICATION):
-                raise InputError(f"{self.path} is a database of another program: name another folder")
-            if version > VERSION:
-                raise InputError(
-                    f"{self.path} has tables of version {version}, this package knows {VERSION}: install the newer one"
-                )
-            if empty:
-                _run(tables, TABLES)
-            else:
-                for found in range(version, VERSION):
-                    _run(tables, UPGRADES[found])
+            version = self._version()
+            if version == VERSION:
+                return
+            for script in [UPGRADES[found] for found in range(version, VERSION)] if version else [TABLES]:
+                _run(tables, script)
             tables.execute(f"PRAGMA application_id = {APPLICATION}")
             tables.execute(f"PRAGMA user_version = {VERSION}")
+
+    def _version(self) -> int:
+        """Of the tables in the file; 0 where it is empty."""
+        application, version = (
+            int(self._writer.execute(f"PRAGMA {name}").fetchone()[0]) for name in ("application_id", "user_version")
+        )
+        (things,) = self._writer.execute("SELECT count(*) FROM sqlite_master").fetchone()
+        if not things:
+            return 0
+        if application != APPLICATION:
+            raise InputError(f"{self.path} is a database of another program: name another folder")
+        if version > VERSION:
+            raise InputError(
+                f"{self.path} has tables of version {version}, this package knows {VERSION}: install the newer one"
+            )
+        return version
 
 
 def _run(tables: sqlite3.Connection, script: str) -> None:
