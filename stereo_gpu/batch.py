@@ -18,8 +18,10 @@ from typing import Any
 
 from stereo_gpu.backends import open_backend
 from stereo_gpu.batching.pair_list import FAILED_NAME, ListedPair
-from stereo_gpu.batching.workers import run_jobs
 from stereo_gpu.config import MeshOptions
+from stereo_gpu.engines.executor import Limits, Work
+from stereo_gpu.engines.in_order import run_in_order
+from stereo_gpu.engines.local import LocalExecutor
 from stereo_gpu.errors import InputError, StereoError
 from stereo_gpu.files import check_writable, write_whole
 from stereo_gpu.inputs import hash_file
@@ -128,7 +130,8 @@ def reconstruct_batch(
         "wanted": {"rig": _rig_digest(rig), "options": told},
     }
     jobs = ((pair, check_of(check, index)) for index, pair in enumerate(pairs))
-    answers = run_jobs(make_model, jobs, shared=shared, workers=how_many(workers, device), limit_s=limit_s)
+    executor = LocalExecutor(Work(task=make_model, shared=shared), how_many(workers, device))
+    answers = run_in_order(executor, jobs, limits=Limits(seconds=limit_s))
     return _run(pairs, out, answers)
 
 

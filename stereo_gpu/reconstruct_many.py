@@ -9,8 +9,10 @@ from typing import Any
 
 from stereo_gpu.backends import Backend, open_backend
 from stereo_gpu.backends.share import usable_cores
-from stereo_gpu.batching.workers import Answer, run_jobs
 from stereo_gpu.config import MeshOptions
+from stereo_gpu.engines.executor import Answer, Limits, Work
+from stereo_gpu.engines.in_order import run_in_order
+from stereo_gpu.engines.local import LocalExecutor
 from stereo_gpu.errors import InputError, StereoError
 from stereo_gpu.inputs import Source
 from stereo_gpu.job import Rectangle, plan_job
@@ -109,8 +111,8 @@ def reconstruct_many(
         },
     }
     jobs = ((index, check_of(check, index), *_parts(index, pair)) for index, pair in enumerate(pairs))
-    count = how_many(workers, device)
-    answers = run_jobs(reconstruct_one, jobs, shared=shared, workers=count, limit_s=limit_s)
+    executor = LocalExecutor(Work(task=reconstruct_one, shared=shared), how_many(workers, device))
+    answers = run_in_order(executor, jobs, limits=Limits(seconds=limit_s))
     return _outcomes(answers)
 
 

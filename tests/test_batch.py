@@ -157,7 +157,7 @@ def test_a_batch_whose_process_is_killed_goes_on(pairs, tmp_path):
     first = [next(done), next(done)]
     assert not left.exists()
     for worker in children(os.getpid()):
-        if b"batching/worker.py" in Path(f"/proc/{worker}/cmdline").read_bytes():
+        if b"engines/worker.py" in Path(f"/proc/{worker}/cmdline").read_bytes():
             os.kill(worker, signal.SIGKILL)
     rest = [*first, *done]
     failed = [each.pair.name for each in rest if each.error is not None]
@@ -172,7 +172,7 @@ def test_a_batch_whose_process_is_killed_goes_on(pairs, tmp_path):
         ([".", "--rig", "none.json", "--out", "o"], "none.json"),
         ([".", "--rig", "rig.json", "--out", "rig.json"], "rig.json is a file"),
         ([".", "--rig", "rig.json", "--out", "o", "--workers", "0"], "workers = 0"),
-        ([".", "--rig", "rig.json", "--out", "o", "--limit", "-1"], "limit_s = -1"),
+        ([".", "--rig", "rig.json", "--out", "o", "--limit", "-1"], "a limit of -1"),
         ([".", "--rig", "rig.json", "--out", "o", "--profile", "slow"], "slow"),
         ([".", "--rig", "rig.json", "--out", "o", "--check", "some"], "invalid choice: 'some'"),
     ],

@@ -13,7 +13,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from stereo_gpu.errors import StereoError
+from stereo_gpu.errors import InputError, StereoError
 
 ENGINES = ("inline", "local", "ray")
 Tell = Callable[[str], None]
@@ -46,10 +46,18 @@ class Limits:
     Args:
         seconds: from when a warm worker has it.
         memory_bytes: resident memory of the job's process and all that it started.
+
+    Raises:
+        InputError: a limit is not above 0.
     """
 
     seconds: float | None = None
     memory_bytes: int | None = None
+
+    def __post_init__(self) -> None:
+        for limit, unit in ((self.seconds, "s"), (self.memory_bytes, "bytes")):
+            if limit is not None and not (isinstance(limit, float | int) and limit > 0):
+                raise InputError(f"a limit of {limit!r:.60} {unit}: give a number above 0, or None for no limit")
 
 
 @dataclass(frozen=True, kw_only=True)

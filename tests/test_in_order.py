@@ -8,7 +8,9 @@ import pytest
 import worker_tasks
 
 from stereo_gpu.backends.share import PROCESSES, usable_cores
-from stereo_gpu.batching.workers import WAITING_EACH, run_jobs
+from stereo_gpu.engines.executor import Limits, Work
+from stereo_gpu.engines.in_order import WAITING_EACH, run_in_order
+from stereo_gpu.engines.local import LocalExecutor
 from stereo_gpu.errors import InputError, StageError
 
 
@@ -20,9 +22,13 @@ def gone(pid):
     return False
 
 
+def run_jobs(task, jobs, *, shared=None, workers, **options):
+    return run_in_order(LocalExecutor(Work(task=task, shared=shared or {}), workers), jobs, **options)
+
+
 def test_answers_come_in_the_order_of_the_jobs():
     jobs = [(0.3 if number == 0 else 0.0, number) for number in range(7)]
-    answers = list(run_jobs(worker_tasks.sleep_then, jobs, shared={}, workers=2))
+    answers = list(run_jobs(worker_tasks.sleep_then, jobs, workers=2))
     assert [answer.result[0] for answer in answers] == list(range(7))
     assert len({answer.result[1] for answer in answers}) == 2
     assert answers[0].seconds > 0.3 and all(answer.error is None for answer in answers)
@@ -31,7 +37,7 @@ def test_answers_come_in_the_order_of_the_jobs():
 
 def test_one_that_fails_fails_alone_and_says_why():
     ways = ["well", "kill", "crash", "leave", "refuse", "fault", "unsendable", "print", "again"]
-    answers = list(run_jobs(worker_tasks.misbehave, [(way,) for way in ways], shared={}, workers=2))
+    answers = list(run_jobs(worker_tasks.misbehave, [(way,) for way in ways], workers=2))
     said = {way: str(answer.error) for way, answer in zip(ways, answers, strict=True)}
     assert [answer.result for answer in answers] == ["well", *[None] * 6, "print", "again"]
     assert "killed, as where memory runs out" in said["kill"]
@@ -45,7 +51,7 @@ def test_one_that_fails_fails_alone_and_says_why():
 def test_one_that_hangs_is_given_up():
     jobs = [("hang",), ("well",)]
     start = time.monotonic()
-    hung, well = run_jobs(worker_tasks.misbehave, jobs, shared={}, workers=1, limit_s=1.0)
+    hung, well = run_jobs(worker_tasks.misbehave, jobs, workers=1, limits=Limits(seconds=1.0))
     assert "took over 1 s" in str(hung.error) and well.result == "well"
     assert time.monotonic() - start < 40
 
@@ -69,7 +75,7 @@ def test_no_more_is_asked_for_than_is_taken():
 
 def test_arrays_go_there_and_back():
     sent = np.arange(300_000, dtype=np.float32).reshape(3, -1)
-    (answer,) = run_jobs(worker_tasks.double, [(sent,)], shared={}, workers=1)
+    (answer,) = run_jobs(worker_tasks.double, [(sent,)], workers=1)
     assert np.array_equal(answer.result, 2 * sent)
     answer.result[0, 0] = 7  # it is the caller's own
     (large,) = run_jobs(worker_tasks.array_of, [(5_000_000,)], shared={"value": 9}, workers=1)
@@ -80,7 +86,6 @@ def test_stopping_early_cleans_up_and_ends_the_processes(tmp_path):
     answers = run_jobs(
         worker_tasks.leave_a_file,
         [(tmp_path / "first", 0.0), (tmp_path / "second", 30.0), (tmp_path / "third", 30.0)],
-        shared={},
         workers=1,
     )
     next(answers)
@@ -95,11 +100,11 @@ def test_stopping_early_cleans_up_and_ends_the_processes(tmp_path):
 
 
 def test_processes_that_let_go_of_something_end_quietly(tmp_path, capfd):
-    (answer,) = run_jobs(worker_tasks.give_held, [()], shared={}, workers=1)
+    (answer,) = run_jobs(worker_tasks.give_held, [()], workers=1)
     assert answer.result == 1
     # Stopped early, an end that comes then must not be lost: the process cleans up before it would be killed.
     jobs = [(tmp_path / "first", None), (tmp_path / "second", tmp_path / "started")]
-    answers = run_jobs(worker_tasks.fill_and_let_go, jobs, shared={}, workers=1)
+    answers = run_jobs(worker_tasks.fill_and_let_go, jobs, workers=1)
     next(answers)
     deadline = time.monotonic() + 10
     while not (tmp_path / "started").exists():
@@ -112,15 +117,26 @@ def test_processes_that_let_go_of_something_end_quietly(tmp_path, capfd):
 def test_processes_share_the_cores(monkeypatch):
     monkeypatch.delenv("POCL_MAX_PTHREAD_COUNT", raising=False)
     names = [(PROCESSES,), ("POCL_MAX_PTHREAD_COUNT",)]
-    told = [answer.result for answer in run_jobs(worker_tasks.environment, names, shared={}, workers=3)]
+    told = [answer.result for answer in run_jobs(worker_tasks.environment, names, workers=3)]
     assert told == ["3", str(max(1, usable_cores() // 3))]
     monkeypatch.setenv(PROCESSES, str(10**6))
     assert usable_cores() == 1
 
 
-@pytest.mark.parametrize(
-    "options", [{"workers": 0}, {"workers": 10**8}, {"workers": 1.5}, {"workers": True}, {"limit_s": 0}]
-)
-def test_wrong_numbers_are_refused_at_once(options):
+@pytest.mark.parametrize("workers", [0, 10**8, 1.5, True])
+def test_wrong_numbers_are_refused_at_once(workers):
     with pytest.raises(InputError, match="give a number"):
-        run_jobs(worker_tasks.double, [(1,)], shared={}, **options)
+        LocalExecutor(Work(task=worker_tasks.double), workers)
+
+
+@pytest.mark.parametrize("limit", [0, -1, float("nan"), "2"])
+def test_wrong_limits_are_refused(limit):
+    for limits in ({"seconds": limit}, {"memory_bytes": limit}):
+        with pytest.raises(InputError, match="give a number above 0"):
+            Limits(**limits)
+
+
+@pytest.mark.parametrize("tries", [0, 1.5, True])
+def test_wrong_tries_are_refused(tries):
+    with pytest.raises(InputError, match="give a whole number above 0"):
+        run_jobs(worker_tasks.double, [(1,)], workers=1, tries=tries)

@@ -1,0 +1,192 @@
+"""Workers that take jobs from one line: first come, first served, by a warm one before one that must be started."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
+
+from stereo_gpu.engines.executor import Answer, Limits, Tell, WorkerState
+from stereo_gpu.engines.submitted import Submitted
+from stereo_gpu.engines.watch import GRACE_S
+from stereo_gpu.errors import CancelledError, StereoError, WorkerError
+
+AGAIN_S = 5.0  # after which a worker that could not be warmed is tried again while others can work
+
+logger = logging.getLogger(__name__)
+
+
+class Worker(Protocol):
+    """One worker of a crew; see `process.WorkerProcess`, which is one. `warm` and `do` are called from one thread."""
+
+    def warm(self) -> None:
+        """Make ready for jobs; returns at once if it is."""
+        ...
+
+    def do(self, job: tuple[Any, ...], limits: Limits, tell: Tell | None, begin: Callable[[], None] | None) -> Answer:
+        """Do a job; whatever becomes of the worker, there is an answer."""
+        ...
+
+    def cancel(self) -> None:
+        """Stop the job under way, if there is one."""
+        ...
+
+    def state(self) -> WorkerState:
+        """How it is now; quick."""
+        ...
+
+    def stop(self) -> None:
+        """Ask it to end; returns at once."""
+        ...
+
+    def end(self, grace_s: float) -> None:
+        """End it, at the latest when the grace is over."""
+        ...
+
+
+class Crew:
+    """Fulfils `executor.Executor` with any kind of worker; a thread each serves it.
+
+    A worker that cannot be warmed fails a job only where no other one can take it. Once `start` was called, workers
+    that die are warmed again before the next job asks for it.
+
+    Args:
+        name: of the engine.
+        workers: which they are; they cost nothing until they are warmed.
+    """
+
+    def __init__(self, name: str, workers: Sequence[Worker]) -> None:
+        self.name, self.slots = name, len(workers)
+        self._workers = workers
+        self._threads = [
+            threading.Thread(target=self._serve, args=(number,), name=f"stereo-gpu worker {number}", daemon=True)
+            for number in range(self.slots)
+        ]
+        self._waiting: deque[Submitted] = deque()
+        self._warm: set[int] = set()  # with a job or without
+        self._free: set[int] = set()  # that are warm and without one, or will be in a moment
+        self._again = [0.0] * self.slots  # when one that could not be warmed is tried again
+        self._kept_warm = self._closed = False
+        self._changed = threading.Condition()
+
+    def start(self) -> None:
+        """Start and warm all workers; returns at once."""
+        with self._changed:
+            self._kept_warm = True
+            self._wake()
+
+    def submit(
+        self,
+        job: tuple[Any, ...],
+        *,
+        limits: Limits = Limits(),  # noqa: B008  # it is frozen
+        began: Callable[[int], None] | None = None,
+        tell: Tell | None = None,
+    ) -> Submitted:
+        """Take a job, which waits until a worker is free.
+
+        Raises:
+            StereoError: it was closed.
+        """
+        submitted = Submitted(job, limits, began, tell)
+        with self._changed:
+            if self._closed:
+                raise StereoError("the workers have been stopped: open others")
+            self._waiting.append(submitted)
+            self._wake()
+        return submitted
+
+    def workers(self) -> list[WorkerState]:
+        """How each worker is."""
+        return [worker.state() for worker in self._workers]
+
+    def close(self, grace_s: float = GRACE_S) -> None:
+        """End all workers, and cancel what has no answer then; it may be called twice, and by a callback."""
+        with self._changed:
+            self._closed = True
+            dropped = list(self._waiting)
+            self._waiting.clear()
+            self._changed.notify_all()
+        for submitted in dropped:
+            submitted.cancel()
+        end = time.monotonic() + grace_s
+        for worker in self._workers:
+            worker.stop()
+        for worker in self._workers:
+            worker.end(max(0.0, end - time.monotonic()))
+        for thread in self._threads:
+            if thread.ident is not None and thread is not threading.current_thread():
+                thread.join()
+
+    def _wake(self) -> None:
+        for thread in self._threads:
+            if thread.ident is None and not self._closed:
+                thread.start()
+        self._changed.notify_all()
+
+    def _serve(self, number: int) -> None:
+        """What the thread of a worker does until the end."""
+        while True:
+            with self._changed:
+                while not (self._closed or self._may_go(number)):
+                    if not self._changed.wait(AGAIN_S):
+                        self._notice_death(number)
+                if self._closed:
+                    return
+                submitted = self._waiting.popleft() if number in self._warm else None
+                if submitted is None:
+                    self._free.add(number)
+                else:
+                    self._free.discard(number)
+            if submitted is None:
+                self._get_warm(number)
+            elif submitted.take(self._workers[number].cancel):
+                self._do(number, submitted)
+
+    def _may_go(self, number: int) -> bool:
+        """Whether a worker has something to do: a job to take, or to get warm for one."""
+        if number in self._warm:
+            return bool(self._waiting)
+        if time.monotonic() < self._again[number]:
+            return bool(self._waiting) and not (self._warm or self._free)
+        return self._kept_warm or len(self._waiting) > len(self._free)
+
+    def _notice_death(self, number: int) -> None:
+        if number in self._warm and not self._workers[number].state().warm:
+            self._lose(number)
+
+    def _lose(self, number: int) -> None:
+        self._warm.discard(number)
+        self._free.discard(number)
+
+    def _get_warm(self, number: int) -> None:
+        try:
+            self._workers[number].warm()
+        except StereoError as error:
+            with self._changed:
+                self._lose(number)
+                self._again[number] = time.monotonic() + AGAIN_S
+                alone = not (self._warm or self._free)
+                failed = self._waiting.popleft() if alone and self._waiting else None
+                self._changed.notify_all()
+            if not isinstance(error, CancelledError):
+                logger.warning("worker %d is not ready: %s", number, error)
+            if failed is not None:
+                failed.fail(error)
+        else:
+            with self._changed:
+                self._warm.add(number)
+
+    def _do(self, number: int, submitted: Submitted) -> None:
+        answer = self._workers[number].do(
+            submitted.job, submitted.limits, submitted.tell, lambda: submitted.begin(number)
+        )
+        with self._changed:
+            if isinstance(answer.error, WorkerError | CancelledError):
+                self._lose(number)
+            else:
+                self._free.add(number)
+        submitted.end(answer)

@@ -1,0 +1,308 @@
+"""One worker process, supervised: warm, kept within its job's limits, and started again after it died."""
+
+from __future__ import annotations
+
+import logging
+import os
+import platform
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import IO, Any
+
+from stereo_gpu.backends.share import PROCESSES, usable_cores
+from stereo_gpu.engines.executor import Answer, Limits, Tell, Work, WorkerState
+from stereo_gpu.engines.memory import MEMORY_IS_KNOWN, group_memory
+from stereo_gpu.engines.watch import GRACE_S, Watch
+from stereo_gpu.engines.worker import TOLD, receive, send
+from stereo_gpu.errors import CancelledError, StageError, StereoError, WorkerError
+
+START = Limits(seconds=900.0)  # Python, its modules and `prepare`, which may compile kernels for minutes
+_SCRIPT = Path(__file__).with_name("worker.py")
+_ENDING_S = 0.01  # how often an end is looked for
+_PIPE_BYTES = 1 << 20  # the most that Linux gives anybody: fewer turns for a result of 10 MB
+# What reads how many threads to start when it is loaded: PoCL, OpenBLAS, OpenMP.
+_THREADS = ("POCL_MAX_PTHREAD_COUNT", "OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")
+
+logger = logging.getLogger(__name__)
+
+
+class WorkerProcess:
+    """One process that does jobs, started when it is first needed, and again after it died.
+
+    `warm` and `do` are called from one thread, all else from any. The process leads a group of its own, so that all
+    that it starts ends with it.
+
+    Args:
+        work: what it does with every job.
+        number: of the worker, from 0.
+        count: workers that share this machine; each takes its part of the cores and the memory.
+        environment: variables for it besides ours, such as the devices that it may see.
+    """
+
+    def __init__(self, work: Work, number: int, count: int, environment: Mapping[str, str] | None = None) -> None:
+        own = work.by_worker[number % len(work.by_worker)] if work.by_worker else {}
+        threads = max(1, usable_cores() // count)
+        self._setup = (work.task, work.prepare, {**work.shared, **own}, work.tells, threads)
+        # What the user has set stays.
+        self._environment = (
+            {name: str(threads) for name in _THREADS}
+            | dict(os.environ)
+            | {PROCESSES: str(count)}
+            | dict(environment or {})
+        )
+        self._number = number
+        self._process: subprocess.Popen[bytes] | None = None
+        self._ready = self._busy = self._occupied = self._cancelled = self._stopped = False
+        self._watch: Watch | None = None
+        self._changing = threading.Lock()
+
+    def warm(self) -> None:
+        """Make sure that the process is there and has run `prepare`, which a job then need not wait for.
+
+        Raises:
+            StereoError: it cannot be started or prepared, takes 15 minutes, was stopped, or `work` cannot be sent.
+        """
+        if self._ready and _is_alive(self._process):
+            return
+        with self._changing:
+            self._occupied = True
+        try:
+            self._bury()
+            self._start()
+        finally:
+            with self._changing:
+                self._occupied = self._busy
+
+    def do(
+        self,
+        job: tuple[Any, ...],
+        limits: Limits = Limits(),  # noqa: B008  # it is frozen
+        tell: Tell | None = None,
+        begin: Callable[[], None] | None = None,
+    ) -> Answer:
+        """Do one job, by a process that is started if there is none; whatever becomes of that, there is an answer.
+
+        Args:
+            job: the arguments of the call.
+            limits: counted from when the process is warm. Memory is known on Linux alone; elsewhere time is limited,
+                and a warning is logged.
+            tell: told each stage as it begins; must not fail.
+            begin: called once the process is warm; a `StereoError` that it raises is the answer.
+        """
+        if limits.memory_bytes is not None and not MEMORY_IS_KNOWN:
+            logger.warning("memory of a job is not limited: this system does not tell what a process holds")
+        with self._changing:
+            self._busy = self._occupied = True
+            stopped = self._stopped
+        start = time.perf_counter()
+        try:
+            if stopped:
+                raise CancelledError("stopped before it began")
+            self.warm()
+            if begin is not None:
+                begin()
+            start = time.perf_counter()
+            well, result = self._exchange(job, limits, tell)
+        except StereoError as error:
+            well, result = False, error
+        finally:
+            with self._changing:
+                self._busy = self._occupied = self._cancelled = False
+        seconds = time.perf_counter() - start
+        return Answer(
+            result=result if well else None, error=None if well else result, seconds=seconds, worker=self._number
+        )
+
+    def cancel(self) -> None:
+        """Stop the job under way, if there is one: the process is asked to end, and killed a second later."""
+        with self._changing:
+            if self._busy:
+                self._cancelled = True
+                if self._watch is not None:
+                    self._watch.cancel()
+
+    def state(self) -> WorkerState:
+        """How it is now."""
+        process = self._process
+        pid = process.pid if process is not None and _is_alive(process) else None
+        return WorkerState(
+            number=self._number,
+            warm=pid is not None and self._ready,
+            busy=self._busy,
+            pid=pid,
+            node=platform.node(),
+            memory_bytes=0 if pid is None else group_memory(pid),
+        )
+
+    def stop(self) -> None:
+        """Ask the process to end and to leave nothing half written; no other one is started."""
+        with self._changing:
+            self._stopped = True
+            idle, process = not self._occupied, self._process
+        if idle and process is not None and process.stdin is not None:
+            # It ends when there are no more jobs, in order: a signal might reach it while it lets go of the last one.
+            with suppress(OSError):
+                process.stdin.close()
+        else:
+            self._signal(False)
+
+    def end(self, grace_s: float = GRACE_S) -> None:
+        """Ask the process to end, wait so long for it, and kill it if it does not; no other one is started."""
+        self.stop()
+        late = time.monotonic() + grace_s
+        while _is_alive(self._process) and time.monotonic() < late:
+            time.sleep(_ENDING_S)
+        self._bury()
+
+    def _start(self) -> None:
+        try:
+            with self._changing:
+                if self._stopped:
+                    raise CancelledError("stopped: no more processes are started")
+                process = self._process = subprocess.Popen(
+                    [sys.executable, "-P", str(_SCRIPT)],
+                    stdin=subprocess.PIPE,
+                    stdout=subprocess.PIPE,
+                    env=self._environment,
+                    # Its own group, so that Ctrl-C reaches this process alone, and all that it starts ends with it.
+                    process_group=0 if hasattr(os, "killpg") else None,
+                )
+        except OSError as error:
+            raise WorkerError(
+                f"its process cannot be started ({error}): close other programs, or use fewer workers"
+            ) from error
+        assert process.stdin is not None and process.stdout is not None
+        _widen(process.stdin)
+        _widen(process.stdout)
+        watch = self._watched(START)
+        try:
+            with watch:
+                for message in (sys.path, self._setup):
+                    send(process.stdin, message)
+                refused = receive(process.stdout)
+        except (EOFError, OSError) as error:
+            raise self._end_of(watch, " before it was ready") from error
+        except Exception as error:  # what cannot be pickled: half a message may lie in the pipe
+            self._bury()
+            raise StageError(f"cannot be sent to another process: {error}") from error
+        finally:
+            self._unwatch()
+        if refused is not None:
+            self._bury()
+            raise WorkerError(f"its process cannot get ready ({refused}): see that the device is free, and try again")
+        self._ready = True
+
+    def _exchange(self, job: tuple[Any, ...], limits: Limits, tell: Tell | None) -> tuple[bool, Any]:
+        """What the process answers to a job, or why it does not."""
+        process = self._process
+        assert process is not None and process.stdin is not None and process.stdout is not None
+        watch = self._watched(limits)
+        try:
+            with watch:
+                send(process.stdin, job)
+                message = receive(process.stdout)
+                while message[0] == TOLD:
+                    if tell is not None:
+                        tell(message[1])
+                    message = receive(process.stdout)
+        except (EOFError, OSError):
+            return False, self._end_of(watch)
+        except Exception as error:  # what cannot be pickled, here or there: half a message may lie in the pipe
+            self._bury()
+            return False, watch.why or StageError(f"cannot be sent to another process or back: {error}")
+        finally:
+            self._unwatch()
+            if watch.why is not None:
+                self._bury()
+        well, result = message
+        return well, result
+
+    def _watched(self, limits: Limits) -> Watch:
+        watch = Watch(limits, self._memory, self._signal)
+        with self._changing:
+            self._watch = watch
+            if self._cancelled:
+                watch.cancel()
+        return watch
+
+    def _unwatch(self) -> None:
+        with self._changing:
+            self._watch = None
+
+    def _memory(self) -> int:
+        return 0 if self._process is None else group_memory(self._process.pid)
+
+    def _end_of(self, watch: Watch, when: str = "") -> StereoError:
+        """Why the process is there no more, for whom it worked under a watch."""
+        status = self._bury()
+        if watch.why is not None:
+            return watch.why
+        if self._stopped:
+            return CancelledError("stopped before it was done")
+        if status == -9:
+            return WorkerError(
+                f"its process was killed{when}, as where memory runs out: use fewer workers or smaller pictures"
+            )
+        how = f"signal {_signal_name(-status)}" if status < 0 else f"exit status {status}"
+        return WorkerError(f"its process ended by {how}{when}: try the pair by itself, or another backend")
+
+    def _bury(self) -> int:
+        """Make sure that the process is gone, and all that it started; returns its exit status, 0 without one."""
+        self._ready = False
+        process = self._process
+        if process is None:
+            return 0
+        self._signal(True)
+        status = process.wait()
+        for stream in (process.stdin, process.stdout):
+            assert stream is not None
+            with suppress(OSError):  # what could not be written any more
+                stream.close()
+        return status
+
+    def _signal(self, kill: bool) -> None:
+        """Signal the process and all that it started."""
+        process = self._process
+        # Once it has been waited for, its number may be another's.
+        if process is None or process.returncode is not None:
+            return
+        with suppress(OSError):  # it is gone already
+            if hasattr(os, "killpg"):
+                os.killpg(process.pid, signal.SIGKILL if kill else signal.SIGTERM)
+            else:
+                process.kill()
+
+
+def _is_alive(process: subprocess.Popen[bytes] | None) -> bool:
+    """Whether it runs; it is not waited for, which would leave its number, and so its group's, to others."""
+    if process is None or process.returncode is not None:
+        return False
+    if not hasattr(os, "waitid"):
+        return process.poll() is None
+    try:
+        return os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is None
+    except ChildProcessError:
+        return False
+
+
+def _widen(stream: IO[bytes]) -> None:
+    """Make room in a pipe, where there may be some: Linux grants a user who is not root 64 MB of it in all."""
+    try:
+        import fcntl
+
+        fcntl.fcntl(stream.fileno(), fcntl.F_SETPIPE_SZ, _PIPE_BYTES)
+    except (ImportError, AttributeError, OSError):
+        return
+
+
+def _signal_name(number: int) -> str:
+    try:
+        return signal.Signals(number).name
+    except ValueError:  # a real-time one
+        return str(number)
