@@ -19,7 +19,7 @@ Colour = tuple[int, int, int]
 
 NO_VALUE: Colour = (43, 45, 49)
 _OUTLIERS = 1.0  # per cent of the values at either end that may fall off the colour scale
-_GAP = 8  # px between two pictures side by side
+GAP = 8  # px between two pictures side by side
 _PAPER: Colour = (250, 250, 250)
 _INK: Colour = (60, 64, 72)
 _LINES: tuple[Colour, ...] = ((230, 57, 70), (244, 162, 39), (76, 201, 120), (58, 134, 255), (199, 92, 230))
@@ -135,7 +135,7 @@ def side_by_side(left: Picture, right: Picture, *, level_lines: bool = False) ->
     """
     if left.shape[0] != right.shape[0]:
         raise PictureError(f"heights {left.shape[0]} and {right.shape[0]} differ: give two of one height")
-    gap = np.full((left.shape[0], _GAP, 3), _PAPER, np.uint8)
+    gap = np.full((left.shape[0], GAP, 3), _PAPER, np.uint8)
     both = np.ascontiguousarray(np.hstack([as_rgb(left), gap, as_rgb(right)]))
     if level_lines:
         height, width = both.shape[:2]
@@ -208,7 +208,7 @@ def _number(value: float, span: float) -> str:
 def _scale(height: int, low: float, high: float) -> Bytes:
     """A colour scale, (height, 64, 3), the largest disparity on top."""
     canvas = np.full((height, 64, 3), _PAPER, np.uint8)
-    canvas[:, _GAP : _GAP + 14] = _turbo(np.linspace(255, 0, height).astype(np.uint8)[:, None])
+    canvas[:, GAP : GAP + 14] = _turbo(np.linspace(255, 0, height).astype(np.uint8)[:, None])
     labels = min(5, height // 24 + 1)
     if labels == 1 or high <= low:
         return canvas

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from stereo_gpu.backends import Backend, DeviceArray
@@ -14,6 +15,8 @@ from stereo_gpu.texture import bake_texture, project
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.types import Floats, Mesh, RectifiedPair, Surface, View
 from stereo_gpu.unwrap import Unwrapped, unwrap
+
+Show = Callable[[str, object], None]  # told the name of what is there now, and handed it
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +46,7 @@ def build_model(
     scale: float,
     options: MeshOptions,
     watch: Stopwatch,
+    show: Show,
 ) -> Model:
     """Mesh what a view shows, and put its picture on it.
 
@@ -56,6 +60,7 @@ def build_model(
         scale: factor that takes the picture's values to 0..255.
         options: how the mesh is made.
         watch: times the stages.
+        show: handed "surface", "smoothed" (and decimated) and "mesh" as they are there.
 
     Raises:
         StageError: nothing is left to make a mesh of.
@@ -74,16 +79,19 @@ def build_model(
             centre=centre,
             infinity_px=pair.cx_left - pair.cx_right,
         )
+    show("surface", surface)
     with watch.step("smooth"):
         smoothed = fair(surface, frame, iterations=options.smoothing)
     with watch.step("decimate"):
         # After smoothing: triangles spent on noise would be missing elsewhere.
         if options.faces or options.decimate_error:
             smoothed = decimate(smoothed, options.faces, frame, error=options.decimate_error)
+    show("smoothed", smoothed)
     with watch.step("unwrap"):
         seen = project(smoothed.vertices, pair, view)[:, :2]
         unwrapped = unwrap(smoothed, seen, method=options.unwrap, time_limit_s=options.unwrap_seconds)
     with watch.step("texture"):
         texture = bake_texture(device, picture, scale, unwrapped, pair, view)
     mesh = Mesh(vertices=unwrapped.vertices, faces=unwrapped.faces, uv=unwrapped.uv, texture=texture, unit=pair.unit)
+    show("mesh", mesh)
     return Model(surface=surface, smoothed=smoothed, unwrapped=unwrapped, mesh=mesh)

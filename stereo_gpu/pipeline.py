@@ -22,7 +22,7 @@ from stereo_gpu.known_distance import KnownDistance, scale_to
 from stereo_gpu.level_spikes import level_spikes
 from stereo_gpu.mask import mask_from_depth, mask_from_rectangle
 from stereo_gpu.match_options import Range, Window
-from stereo_gpu.model import build_model
+from stereo_gpu.model import Show, build_model
 from stereo_gpu.model_files.frame import check_shown
 from stereo_gpu.prepare import find_levels, grey_scale
 from stereo_gpu.rectify import DevicePair, check_sizes, download_pair, plan_rectification, rectify_on
@@ -97,6 +97,7 @@ def reconstruct(
     check: str = "full",
     ignore_check: bool = False,
     progress: Callable[[str], None] | None = None,
+    show: Show | None = None,
 ) -> Reconstruction:
     """Reconstruct what two cameras see.
 
@@ -123,6 +124,8 @@ def reconstruct(
         ignore_check: go on where the rig does not fit the pair: rows over 2 px apart, or swapped pictures. What was
             found is told as a warning.
         progress: told the name of each stage of STAGES as it begins.
+        show: handed what there is, as soon as it is there, by name: "pair", "wanted", "disparity" (closed), "points",
+            "surface", "smoothed" and "mesh", as in the result. Its time is no stage's.
 
     Returns:
         Everything that was computed; `save` writes the files.
@@ -173,7 +176,7 @@ def reconstruct(
         found=found,
         distance=known.distance,
     )
-    return _from_rectified(job, device, watch, pair, held, raw_left, raw_right, inputs, setup)
+    return _from_rectified(job, device, watch, pair, held, raw_left, raw_right, inputs, setup, show or _nothing)
 
 
 def reconstruct_rectified(
@@ -216,7 +219,7 @@ def reconstruct_rectified(
         if not ignore_check:
             refuse_bad(checked)
     setup = Setup(rig=rig, checking=Checking.FULL, checked=checked, ignore_check=ignore_check)
-    return _from_rectified(job, device, watch, pair, held, pair.left, pair.right, inputs, setup)
+    return _from_rectified(job, device, watch, pair, held, pair.left, pair.right, inputs, setup, _nothing)
 
 
 def _from_rectified(
@@ -229,9 +232,11 @@ def _from_rectified(
     raw_right: Picture,
     inputs: dict[str, dict[str, str]],
     setup: Setup,
+    show: Show,
 ) -> Reconstruction:
     """All stages from the rectified pair on; `held` is the same pair on the device."""
     warm_up(job.mesh.unwrap, job.mesh.faces)
+    show("pair", pair)
     # Of the raw pictures, since rectified ones have black corners.
     levels = find_levels(raw_left), find_levels(raw_right)
     with watch.step("mask"):
@@ -239,6 +244,7 @@ def _from_rectified(
         if job.view is View.RIGHT:
             picture, valid, other_valid = pair.right, pair.valid_right, pair.valid_left
         wanted = _wanted(picture, valid, job)
+    show("wanted", wanted)
     with watch.step("range"):
         if job.disparities == "auto":
             masks = (wanted, other_valid) if job.view is View.LEFT else (other_valid, wanted)
@@ -273,14 +279,17 @@ def _from_rectified(
             disparity = level_spikes(
                 disparity, focal_px=pair.focal_px, infinity_px=infinity_px, max_jump_px=max_jump_px
             )
+    show("disparity", disparity)
     with watch.step("triangulate"):
         points: Floats = device.download(triangulate_on(device, device.upload(disparity.values), job.view, pair))
         if setup.distance is not None:
             pair, points = scale_to(setup.distance, pair, points, setup.rig, job.view)
         if job.depth is not None:
             disparity, points = _cut_depth(disparity, points, job.depth)
+    show("points", points)
     on_device, raw = (held.left, raw_left) if job.view is View.LEFT else (held.right, raw_right)
-    model = build_model(device, disparity.values, points, pair, job.view, on_device, grey_scale(raw), job.mesh, watch)
+    scale = grey_scale(raw)
+    model = build_model(device, disparity.values, points, pair, job.view, on_device, scale, job.mesh, watch, show)
     return Reconstruction(
         raw_left=raw_left,
         raw_right=raw_right,
@@ -314,6 +323,10 @@ def _from_rectified(
             *(setup.found.warnings(unscaled=pair.unit == UNSCALED) if setup.found else ()),
         ],
     )
+
+
+def _nothing(name: str, thing: object) -> None:
+    """Nobody wants to see it."""
 
 
 def _check_map(

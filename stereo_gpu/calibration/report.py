@@ -7,6 +7,7 @@ from html import escape
 from pathlib import Path
 from string import Template
 
+from stereo_gpu.calibration.figures.alone import style_sheet
 from stereo_gpu.calibration.figures.coverage import draw_coverage, measure_coverage
 from stereo_gpu.calibration.figures.lens import draw_distortion, draw_radial
 from stereo_gpu.calibration.figures.residuals import draw_field, draw_scatter, pooled_residuals, scatter_reach
@@ -45,7 +46,7 @@ def write_calibration_report(calibration: Calibration, path: str | os.PathLike[s
     radial, radial_told = draw_radial(cameras, (left, right))
     both = list(zip(SIDES, cameras, (left, right), strict=True))
     content = page.substitute(
-        style=(here.parent / "report.css").read_text(encoding="utf-8"),
+        style=style_sheet(),
         script=(here / "figures" / "turn.js").read_text(encoding="utf-8"),
         lead=escape(_lead(calibration)),
         tiles=summary_tiles(calibration, (coverages[0].share, coverages[1].share)),
