@@ -35,19 +35,30 @@ class Metrics:
     def __init__(self, counts: Callable[[], Mapping[State, int]], executor: Executor, data: Path) -> None:
         self.registry = CollectorRegistry()
         self._device_free: dict[str, int] = {}
-        named = {"registry": self.registry}
-        self._accepted = Counter("stereo_gpu_jobs_accepted", "Jobs taken into the queue.", ["kind"], **named)
-        self._ended = Counter("stereo_gpu_jobs_ended", "Jobs that ended, by how.", ["kind", "state"], **named)
-        self._lost = Counter("stereo_gpu_tries_lost", "Tries that were lost, by why.", ["reason"], **named)
-        self._received = Counter("stereo_gpu_upload_bytes", "Bytes of pictures and rigs taken.", **named)
+        registry = self.registry
+        self._accepted = Counter("stereo_gpu_jobs_accepted", "Jobs taken into the queue.", ["kind"], registry=registry)
+        self._ended = Counter("stereo_gpu_jobs_ended", "Jobs that ended, by how.", ["kind", "state"], registry=registry)
+        self._lost = Counter("stereo_gpu_tries_lost", "Tries that were lost, by why.", ["reason"], registry=registry)
+        self._received = Counter("stereo_gpu_upload_bytes", "Bytes of pictures and rigs taken.", registry=registry)
         self._stage = Histogram(
-            "stereo_gpu_stage_seconds", "Seconds that a stage took.", ["stage"], buckets=_STAGE_SECONDS, **named
+            "stereo_gpu_stage_seconds",
+            "Seconds that a stage took.",
+            ["stage"],
+            buckets=_STAGE_SECONDS,
+            registry=registry,
         )
         self._job = Histogram(
-            "stereo_gpu_job_seconds", "Seconds that a job took a worker.", ["kind"], buckets=_JOB_SECONDS, **named
+            "stereo_gpu_job_seconds",
+            "Seconds that a job took a worker.",
+            ["kind"],
+            buckets=_JOB_SECONDS,
+            registry=registry,
         )
         self._wait = Histogram(
-            "stereo_gpu_job_wait_seconds", "Seconds from the queue to a worker.", buckets=_WAIT_SECONDS, **named
+            "stereo_gpu_job_wait_seconds",
+            "Seconds from the queue to a worker.",
+            buckets=_WAIT_SECONDS,
+            registry=registry,
         )
         self.registry.register(_Gauges(counts, executor, data, self._device_free))
 

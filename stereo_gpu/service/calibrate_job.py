@@ -1,0 +1,101 @@
+"""Board pictures of both cameras to a rig, with all that tells whether it is a good one, in the service's folders."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from stereo_gpu.boards.choose import choose_board
+from stereo_gpu.calibrate import calibrate_in_full
+from stereo_gpu.calibration.figures.alone import stand_alone
+from stereo_gpu.calibration.figures.coverage import draw_coverage, measure_coverage
+from stereo_gpu.calibration.figures.residuals import draw_field, pooled_residuals
+from stereo_gpu.calibration.outcome import Calibration
+from stereo_gpu.calibration.report import SIDES, write_calibration_report
+from stereo_gpu.engines.executor import Tell
+from stereo_gpu.files import write_whole
+from stereo_gpu.service.folders import Folders
+from stereo_gpu.service.order import WorkOrder
+from stereo_gpu.service.outcome import Outcome
+from stereo_gpu.service.rig_summary import summarise
+from stereo_gpu.timing import Stopwatch
+
+
+def calibrate_job(order: WorkOrder, folders: Folders, tell: Tell) -> Outcome:
+    """Calibrate into the attempt's folder; errors are those of `calibrate_in_full`.
+
+    rig.json, report.html, calibration.json (errors of each view, coverage, advice), and for the page
+    coverage-left.svg, arrows-left.svg and those of the right camera.
+    """
+    options = order.options
+    board = choose_board(options["board"], options["square"], options.get("marker"), options.get("dictionary"))
+    inputs = folders.inputs(order.job)
+    left, right = (sorted(inputs / name for name in order.inputs if name.startswith(side)) for side in SIDES)
+    watch = Stopwatch()
+    with watch.step("find"):
+        calibration = calibrate_in_full(left, right, board, progress=_Searching(tell))
+    folder = folders.attempt(order.job, order.number)
+    folder.mkdir(mode=0o700)
+    tell("report")
+    with watch.step("report"):
+        calibration.rig.save(folder / "rig.json")
+        write_calibration_report(calibration, folder / "report.html")
+        for name, drawing in _drawings(calibration):
+            write_whole(folder / name, stand_alone(drawing))
+    told = _told(calibration)
+    outcome = Outcome(
+        summary={name: told[name] for name in ("pairs", "used", "coverage", "rig")},
+        warnings=calibration.advice,
+        seconds=watch.seconds,
+        rig=told["rig"],
+    )
+    content = {**told, **outcome.as_json()}
+    write_whole(folder / "calibration.json", json.dumps(content, indent=1, allow_nan=False) + "\n")
+    return outcome
+
+
+def _drawings(calibration: Calibration) -> Iterator[tuple[str, str]]:
+    coverages = measure_coverage(calibration)
+    for side, (name, camera) in enumerate(zip(SIDES, (calibration.rig.left, calibration.rig.right), strict=True)):
+        yield f"coverage-{name}.svg", draw_coverage(calibration, side, coverages)[0]
+        arrows, _ = draw_field(pooled_residuals(calibration, side), camera.size, name)
+        if arrows:  # no part of the picture may have corners enough
+            yield f"arrows-{name}.svg", arrows
+
+
+def _told(calibration: Calibration) -> dict[str, Any]:
+    rig = calibration.rig
+    coverages = measure_coverage(calibration)
+    return {
+        "rig": summarise(rig),
+        "pairs": len(rig.views),
+        "used": sum(view.used for view in rig.views),
+        "coverage": {name: round(coverage.share, 4) for name, coverage in zip(SIDES, coverages, strict=True)},
+        "advice": list(calibration.advice),
+        "depth": None if calibration.depth is None else dict(zip(("at", "deviation"), calibration.depth, strict=True)),
+        "views": [
+            {
+                "left": Path(view.left).name,
+                "right": Path(view.right).name,
+                "used": view.used,
+                "reason": view.reason,
+                "left_px": view.left_px,
+                "right_px": view.right_px,
+                "epipolar_px": view.epipolar_px,
+            }
+            for view in rig.views
+        ],
+    }
+
+
+class _Searching:
+    """Turns how many pictures have been searched into stages."""
+
+    def __init__(self, tell: Tell) -> None:
+        self._tell = tell
+        tell("find")
+
+    def __call__(self, done: int, total: int) -> None:
+        self._tell("fit" if done == total else f"find:{done / total:.3f}")

@@ -1,0 +1,80 @@
+"""From what a worker answered to how its job ends: the result takes its place first, then comes the row."""
+
+from __future__ import annotations
+
+from stereo_gpu.engines.executor import Answer
+from stereo_gpu.errors import BackendError, CancelledError, StereoError, WorkerError
+from stereo_gpu.files import write_whole
+from stereo_gpu.service.folders import Folders
+from stereo_gpu.service.outcome import Outcome
+from stereo_gpu.service.records import Job, Lease, RigRecord, State
+from stereo_gpu.service.store import Ending
+
+
+def end_well(folders: Folders, lease: Lease, outcome: Outcome, seconds: float) -> Ending:
+    """Put a sealed result in its place, and say how the job ended.
+
+    Args:
+        seconds: that the try took its worker.
+
+    Raises:
+        StereoError: the result is not whole, or the disk does not take it.
+        OSError: the same.
+    """
+    job = lease.job
+    manifest = folders.publish(job.id, lease.number)
+    sent = sum(picture.size for picture in job.inputs)
+    return Ending(
+        id=job.id,
+        number=lease.number,
+        state=State.DONE,
+        warnings=outcome.warnings,
+        seconds={**outcome.seconds, "total": seconds},
+        summary=outcome.summary,
+        rig=None if outcome.rig is None else _keep_rig(folders, job, outcome.rig),
+        bytes=sent + manifest.bytes,
+    )
+
+
+def find_outcome(folders: Folders, job: Job) -> Outcome | None:
+    """The outcome of a job whose whole result is in its place already; None where it is not.
+
+    So it is where the service died after a result took its place and before the table knew.
+    """
+    return None if folders.manifest(job.id) is None else Outcome.read(folders.result(job.id), job.kind)
+
+
+def end_badly(lease: Lease, error: StereoError, seconds: float) -> Ending:
+    """A job that failed, or that somebody wanted no more."""
+    cancelled = isinstance(error, CancelledError)
+    return Ending(
+        id=lease.job.id,
+        number=lease.number,
+        state=State.CANCELLED if cancelled else State.FAILED,
+        error=None if cancelled else str(error) or type(error).__name__,
+        seconds={"total": seconds},
+    )
+
+
+def lost(answer: Answer) -> WorkerError | None:
+    """Why this answer says nothing against the job, so that it is to be tried again; None where it does."""
+    if isinstance(answer.error, WorkerError):
+        return answer.error
+    if isinstance(answer.error, BackendError):  # a device that others filled or upset may be well the next time
+        return WorkerError(str(answer.error))
+    return None
+
+
+def _keep_rig(folders: Folders, job: Job, summary: dict[str, object]) -> RigRecord:
+    """The rig that a calibration found; it has the id of its job, so that there is one however often this is done."""
+    path = folders.rig(job.id)
+    path.parent.mkdir(mode=0o700, exist_ok=True)
+    write_whole(path, (folders.result(job.id) / "rig.json").read_bytes())
+    return RigRecord(
+        id=job.id,
+        client=job.client,
+        name=job.label or "calibrated",
+        created=job.created,
+        summary=summary,
+        calibration=job.id,
+    )

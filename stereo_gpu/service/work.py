@@ -1,0 +1,84 @@
+"""What a worker does: it warms up once, and then does a job after another, each in its own folder."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+from stereo_gpu.backends import open_backend
+from stereo_gpu.engines.executor import Tell
+from stereo_gpu.errors import StereoError, WorkerError
+from stereo_gpu.pipeline import reconstruct
+from stereo_gpu.scene import build_scene
+from stereo_gpu.scene_render import render_pair
+from stereo_gpu.service.calibrate_job import calibrate_job
+from stereo_gpu.service.folders import Folders
+from stereo_gpu.service.order import WorkOrder
+from stereo_gpu.service.reconstruct_job import reconstruct_job
+from stereo_gpu.service.records import Kind
+from stereo_gpu.service.refusals import StoreError
+
+WARM_SIZE = 160, 120  # px: every kernel runs, and it takes a second
+WARM_PROFILES = "fast", "precise", "paper"
+
+
+def prepare(*, data: Path, backend: str | None) -> None:
+    """Compile and run every kernel once, and start what unwraps, so that the first job need not wait for that.
+
+    Raises:
+        StereoError: the device is missing or fails.
+    """
+    scene = build_scene(WARM_SIZE)
+    left, right = render_pair(scene)
+    for profile in WARM_PROFILES:
+        reconstruct(left, right, scene.rig, profile=profile, backend=backend)
+
+
+def do_job(order: WorkOrder, *, data: Path, backend: str | None, tell: Tell) -> dict[str, Any]:
+    """Do one try of a job: what came out lies sealed in its attempt's folder then.
+
+    Args:
+        order: the job.
+        data: the service's folder, as this machine sees it.
+        backend: where to compute; None for the best device.
+        tell: told each stage as it begins, and `step:NAME` when a picture of a step is there.
+
+    Returns:
+        "outcome", an `Outcome`; and "device", the name of a GPU and the bytes that it has left, or None.
+
+    Raises:
+        StereoError: one line, as on the command line.
+        WorkerError: the folder cannot be written, which is not the job's fault.
+    """
+    folders = Folders(data)
+    attempt = folders.attempt(order.job, order.number)
+    shutil.rmtree(attempt, ignore_errors=True)
+    try:
+        if order.kind is Kind.CALIBRATION:
+            outcome = calibrate_job(order, folders, tell)
+        else:
+            outcome = reconstruct_job(order, folders, backend, tell)
+        folders.seal(attempt)
+    except OSError as error:
+        raise WorkerError(f"its folder cannot be written: {error.strerror or error}") from error
+    except StereoError as error:
+        told = _told(error, folders, order)
+        # What `files.write_whole` and its like make of a full disk is no fault of the job.
+        if isinstance(error, StoreError) or isinstance(error.__cause__, OSError):
+            raise WorkerError(told) from error
+        raise type(error)(told) from error
+    return {"outcome": outcome, "device": _device(backend)}
+
+
+def _told(error: StereoError, folders: Folders, order: WorkOrder) -> str:
+    """The line, with names of files as the client knows them: where the service keeps them is none of its business."""
+    text = str(error)
+    for folder in (folders.inputs(order.job), folders.attempt(order.job, order.number), folders.root):
+        text = text.replace(f"{folder}/", "").replace(str(folder), "the service's folder")
+    return text
+
+
+def _device(name: str | None) -> tuple[str, int] | None:
+    backend = open_backend(name)
+    return (backend.name, backend.available_bytes()[0]) if backend.kind == "gpu" else None
