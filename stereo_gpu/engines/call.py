@@ -26,6 +26,6 @@ def failure(error: Exception) -> StageError:
     return told
 
 
-def in_one_line(error: Exception) -> str:
+def in_one_line(error: BaseException) -> str:
     """Its kind and what it says."""
     return " ".join(f"{type(error).__name__}: {error}".split())

@@ -9,11 +9,13 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
+from stereo_gpu.engines.call import failure
 from stereo_gpu.engines.executor import Answer, Limits, Tell, WorkerState
 from stereo_gpu.engines.submitted import Submitted
 from stereo_gpu.engines.watch import GRACE_S
 from stereo_gpu.errors import CancelledError, StereoError, WorkerError
 
+LAST_S = 0.2  # for the thread of a worker that has ended to give the answer
 AGAIN_S = 5.0  # after which a worker that could not be warmed is tried again while others can work
 
 logger = logging.getLogger(__name__)
@@ -68,6 +70,7 @@ class Crew:
         self._waiting: deque[Submitted] = deque()
         self._warm: set[int] = set()  # with a job or without
         self._free: set[int] = set()  # that are warm and without one, or will be in a moment
+        self._under_way: dict[int, Submitted] = {}
         self._again = [0.0] * self.slots  # when one that could not be warmed is tried again
         self._kept_warm = self._closed = False
         self._changed = threading.Condition()
@@ -117,9 +120,14 @@ class Crew:
             worker.stop()
         for worker in self._workers:
             worker.end(max(0.0, end - time.monotonic()))
-        for thread in self._threads:
-            if thread.ident is not None and thread is not threading.current_thread():
-                thread.join()
+        for number, thread in enumerate(self._threads):
+            if thread.ident is None or thread is threading.current_thread():
+                continue
+            thread.join(LAST_S)
+            with self._changed:
+                left = self._under_way.get(number)
+            if left is not None:
+                left.fail(CancelledError("stopped before it was done"))
 
     def _wake(self) -> None:
         for thread in self._threads:
@@ -136,15 +144,15 @@ class Crew:
                         self._notice_death(number)
                 if self._closed:
                     return
-                submitted = self._waiting.popleft() if number in self._warm else None
-                if submitted is None:
-                    self._free.add(number)
-                else:
+                self._free.add(number)
+                submitted = self._take() if number in self._warm else None
+                if submitted is not None:
                     self._free.discard(number)
-            if submitted is None:
-                self._get_warm(number)
-            elif submitted.take(self._workers[number].cancel):
+                    self._under_way[number] = submitted
+            if submitted is not None:
                 self._do(number, submitted)
+            elif number not in self._warm:
+                self._get_warm(number)
 
     def _may_go(self, number: int) -> bool:
         """Whether a worker has something to do: a job to take, or to get warm for one."""
@@ -153,6 +161,14 @@ class Crew:
         if time.monotonic() < self._again[number]:
             return bool(self._waiting) and not (self._warm or self._free)
         return self._kept_warm or len(self._waiting) > len(self._free)
+
+    def _take(self) -> Submitted | None:
+        """The next job, of those that nobody has cancelled meanwhile."""
+        while self._waiting:
+            submitted = self._waiting.popleft()
+            if not submitted.answer.done():
+                return submitted
+        return None
 
     def _notice_death(self, number: int) -> None:
         if number in self._warm and not self._workers[number].state().warm:
@@ -163,28 +179,37 @@ class Crew:
         self._free.discard(number)
 
     def _get_warm(self, number: int) -> None:
+        error: StereoError | None = None
         try:
             self._workers[number].warm()
-        except StereoError as error:
-            with self._changed:
-                self._lose(number)
-                self._again[number] = time.monotonic() + AGAIN_S
-                alone = not (self._warm or self._free)
-                failed = self._waiting.popleft() if alone and self._waiting else None
-                self._changed.notify_all()
-            if not isinstance(error, CancelledError):
-                logger.warning("worker %d is not ready: %s", number, error)
-            if failed is not None:
-                failed.fail(error)
-        else:
-            with self._changed:
+        except StereoError as reason:
+            error = reason
+        except Exception as fault:
+            error = failure(fault)
+        with self._changed:
+            if error is None:
                 self._warm.add(number)
+                return
+            self._lose(number)
+            self._again[number] = time.monotonic() + AGAIN_S
+            alone = not (self._warm or self._free)
+            failed = self._take() if alone else None
+            self._changed.notify_all()
+        if not isinstance(error, CancelledError):
+            logger.warning("worker %d cannot be made ready: %s", number, error)
+        if failed is not None:
+            failed.fail(error)
 
     def _do(self, number: int, submitted: Submitted) -> None:
-        answer = self._workers[number].do(
-            submitted.job, submitted.limits, submitted.tell, lambda: submitted.begin(number)
-        )
+        try:
+            submitted.give(self._workers[number].cancel)
+            answer = self._workers[number].do(
+                submitted.job, submitted.limits, submitted.tell, lambda: submitted.begin(number)
+            )
+        except Exception as fault:
+            answer = Answer(result=None, error=failure(fault), seconds=0.0, worker=number)
         with self._changed:
+            del self._under_way[number]
             if isinstance(answer.error, WorkerError | CancelledError):
                 self._lose(number)
             else:

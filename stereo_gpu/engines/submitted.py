@@ -42,12 +42,10 @@ class Submitted:
                 return
         self.fail(cancelled())
 
-    def take(self, stop: Callable[[], None]) -> bool:
-        """Give it to a worker, which `stop` tells that it is wanted no more; False where it has its answer already."""
+    def give(self, stop: Callable[[], None]) -> None:
+        """Give it to a worker, which `stop` tells that it is wanted no more."""
         with self._changing:
-            if not self._ended:
-                self._stop = stop
-            return not self._ended
+            self._stop = stop
 
     def begin(self, worker: int) -> None:
         """Say that a warm worker has it.

@@ -51,10 +51,9 @@ class Watch:
         self._changed.set()
 
     def _look(self) -> None:
-        limits = self._limits
-        late = None if limits.seconds is None else time.monotonic() + limits.seconds
+        start = time.perf_counter()
         while True:
-            self._changed.wait(self._pause(late))
+            self._changed.wait(self._pause(time.perf_counter() - start))
             if self._over.is_set():
                 return
             if self._cancelled:
@@ -63,24 +62,27 @@ class Watch:
                 if not self._over.wait(GRACE_S):
                     self._end(True)
                 return
-            self.why = self._over_a_limit(late)
+            self.why = over_a_limit(self._limits, time.perf_counter() - start, self._memory)
             if self.why is not None:
                 self._end(True)
                 return
 
-    def _pause(self, late: float | None) -> float | None:
-        left = None if late is None else min(max(0.0, late - time.monotonic()), threading.TIMEOUT_MAX)
-        if self._limits.memory_bytes is None:
+    def _pause(self, passed: float) -> float | None:
+        """How long there is nothing to look at, s; None for ever."""
+        seconds, memory = self._limits.seconds, self._limits.memory_bytes
+        left = None if seconds is None else min(max(0.0, seconds - passed), threading.TIMEOUT_MAX)
+        if memory is None:
             return left
         return LOOK_S if left is None else min(LOOK_S, left)
 
-    def _over_a_limit(self, late: float | None) -> WorkerError | None:
-        seconds, memory = self._limits.seconds, self._limits.memory_bytes
-        if late is not None and time.monotonic() >= late:
-            return WorkerError(f"took over {seconds:g} s and was stopped: allow more time, or use smaller pictures")
-        if memory is not None and (held := self._memory()) > memory:
-            return WorkerError(
-                f"took {held / MEGABYTE:.0f} MB, over its limit of {memory / MEGABYTE:.0f} MB, and was stopped:"
-                " allow more memory, or use smaller pictures"
-            )
-        return None
+
+def over_a_limit(limits: Limits, passed: float, memory: Callable[[], int]) -> WorkerError | None:
+    """What is said of a job that has taken `passed` seconds and holds `memory` bytes; None within its limits."""
+    if limits.seconds is not None and passed >= limits.seconds:
+        return WorkerError(f"took over {limits.seconds:g} s and was stopped: allow more time, or use smaller pictures")
+    if limits.memory_bytes is not None and (held := memory()) > limits.memory_bytes:
+        return WorkerError(
+            f"took {held / MEGABYTE:.0f} MB, over its limit of {limits.memory_bytes / MEGABYTE:.0f} MB, and was"
+            " stopped: allow more memory, or use smaller pictures"
+        )
+    return None
