@@ -55,7 +55,7 @@ function build() {
     say(told, "");
     const [left, right] = [files.left.length, files.right.length];
     const bytes = [...files.left, ...files.right].reduce((sum, { size }) => sum + size, 0);
-    say(count, left === right ? `${left} pairs, ${bytesWords(bytes)}` : `${left} pictures of the left camera and ${right} of the right one: each needs its partner.`);
+    say(count, left + right === 0 ? "" : left === right ? `${left} pairs, ${bytesWords(bytes)}` : `${left} pictures of the left camera and ${right} of the right one: each needs its partner.`);
     count.classList.toggle("bad", left !== right);
     pairs.replaceChildren(...Array.from({ length: Math.max(left, right) }, (_, index) =>
       make("li", {}, `${files.left[index]?.name ?? "none"} and ${files.right[index]?.name ?? "none"}`)));

@@ -2,20 +2,23 @@
 
 import { body, persist, send } from "./api.js";
 import { alertLine, button, make, say } from "./dom.js";
-import { bytesWords, fileWords, jobName } from "./words.js";
+import { bytesWords, fileOrder, fileWords, jobName } from "./words.js";
 
 const LIFE = 60_000; // ms that a browser gets to write a file that it was handed
 
 /** A table of files to download. */
 export function downloads(items, job, signal) {
   const told = alertLine();
-  const rows = items.map((item) => {
+  const rows = inOrder(items).map((item) => {
     const get = button("Download", () => fetchFile(item, job, get, told, signal), { "aria-label": `Download ${item.name}` });
     return make("tr", {}, make("th", { scope: "row" }, item.name, make("small", {}, fileWords(item.name))),
       make("td", { class: "number" }, bytesWords(item.bytes)), make("td", {}, get));
   });
   return make("section", {}, make("h2", {}, "Files"), make("div", { class: "card" }, make("table", { class: "files" }, make("tbody", {}, rows)), told));
 }
+
+/** The model first, what nobody asks for last. */
+const inOrder = (items) => [...items].sort((a, b) => fileOrder(a.name) - fileOrder(b.name) || a.name.localeCompare(b.name));
 
 async function fetchFile(item, job, get, told, signal) {
   say(told, "");

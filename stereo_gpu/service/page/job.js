@@ -26,7 +26,7 @@ export function show(main, { id, signal }) {
   const inputs = make("div", { class: "figures small" });
   const cancel = button("Cancel", () => act("cancel", "POST", "/cancel"));
   const restart = button("Start again", () => act("start again", "POST", "/restart"));
-  const remove = button("Delete", () => confirm("Delete this job with its pictures and its result?") && act("delete", "DELETE", ""), { class: "quiet" });
+  const remove = button("Delete", () => confirm("Delete this job with its pictures and its result?") && act("delete", "DELETE", ""));
   main.append(
     make("div", { class: "head" }, title, state, make("p", { class: "buttons" }, cancel, restart, remove)),
     refused, make("section", { class: "card" }, told, bar, failed), warnings, result, stepsPart,

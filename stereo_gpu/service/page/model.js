@@ -34,7 +34,7 @@ export function modelViewer(path, job, signal) {
         const press = button(text, () => {
           stage.show(how);
           for (const each of shows) each.setAttribute("aria-pressed", String(each === press));
-        }, { "aria-pressed": how === "photo" });
+        }, { "aria-pressed": String(how === "photo") });
         return press;
       });
       bar.append(...shows, button("Front view", stage.home));

@@ -106,19 +106,18 @@ function read(THREE, glb) {
 /** Where the model is, and the tangents of the angles that hold it, seen from the left camera at the origin. */
 function measure(THREE, model) {
   const box = new THREE.Box3().setFromObject(model);
-  const target = box.getCenter(new THREE.Vector3());
-  const depth = target.length();
-  const half = { x: 0.01, y: 0.01 };
-  const look = new THREE.Matrix4().lookAt(new THREE.Vector3(), target, new THREE.Vector3(0, 1, 0)).invert();
+  const depth = -box.getCenter(new THREE.Vector3()).z;
+  const seen = new THREE.Box3();
   const point = new THREE.Vector3();
   model.traverse((part) => {
     const places = part.isMesh && part.geometry.attributes.position;
     for (let index = 0; places && index < places.count; index++) {
-      point.fromBufferAttribute(places, index).applyMatrix4(look);
-      half.x = Math.max(half.x, FIT * Math.abs(point.x / point.z));
-      half.y = Math.max(half.y, FIT * Math.abs(point.y / point.z));
+      point.fromBufferAttribute(places, index);
+      seen.expandByPoint(point.multiplyScalar(-1 / point.z));
     }
   });
+  const target = seen.getCenter(new THREE.Vector3()).multiplyScalar(depth);
+  const half = seen.getSize(new THREE.Vector3()).multiplyScalar(FIT / 2);
   return { target, depth, half };
 }
 

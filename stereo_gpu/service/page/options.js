@@ -3,9 +3,9 @@
 import { choice, field, make } from "./dom.js";
 
 const PROFILES = [
-  ["precise", "Precise: the best surface, takes longer"],
-  ["fast", "Fast: a good surface at once"],
-  ["paper", "As in the paper: plain correlation, whole pixels"],
+  ["precise", "Precise: the best surface"],
+  ["fast", "Fast: a good one at once"],
+  ["paper", "As in the paper, plain"],
 ];
 
 const number = (attributes = {}) => make("input", { type: "number", step: "any", inputmode: "decimal", ...attributes });
@@ -14,7 +14,7 @@ const whole = (attributes = {}) => number({ step: 1, min: 0, inputmode: "numeric
 /** The options as form fields; `value()` is what to send, without what is left at its default. */
 export function optionFields(referenceChanged) {
   const profile = choice(PROFILES, "precise");
-  const files = choice([["all", "Everything: models, points, disparities, report"], ["model", "The model alone"]], "all");
+  const files = choice([["all", "All: points, map, report too"], ["model", "The model alone"]], "all");
   const smallest = whole({ placeholder: "auto" }), count = whole({ min: 1, placeholder: "auto" });
   const near = number({ min: 0, placeholder: "any" }), far = number({ min: 0, placeholder: "any" });
   const window_ = whole({ min: 3, max: 31, step: 2, placeholder: "as the profile says" });
@@ -32,11 +32,11 @@ export function optionFields(referenceChanged) {
   const unwrap = choice([["charts", "charts"], ["view", "the picture itself"]], "charts");
 
   const element = make("div", {},
-    make("div", { class: "columns" }, field("Quality", profile), field("Files", files)),
+    make("div", { class: "columns wide" }, field("Quality", profile), field("Files", files)),
     make("details", {}, make("summary", {}, "More options"),
       make("fieldset", {}, make("legend", {}, "Matching"), make("div", { class: "columns" },
         field("Smallest disparity, px", smallest, "Empty: found from the pair."),
-        field("How many disparities", count),
+        field("How many disparities", count, "Both or neither."),
         field("Window, px", window_, "Side of the correlation window, odd, 3 to 31."),
         field("Reference picture", reference, "The mesh is laid out on it and textured from it."))),
       make("fieldset", {}, make("legend", {}, "Depth and rig"), make("div", { class: "columns" },
@@ -51,13 +51,16 @@ export function optionFields(referenceChanged) {
         field("Triangles", mesh.faces, "0 for all."), field("Decimation error", mesh.decimate_error, "In the rig's unit."),
         field("Smoothing passes", mesh.smoothing), field("Unwrap by", unwrap), field("Texture of model.glb", texture)))));
 
+  const end = (input) => (input.value === "" ? null : Number(input.value));
+
+  /** What is chosen; the service says what is wrong with it. */
   function value() {
     const options = { profile: profile.value, files: files.value, steps: true };
     if (check.value !== "first") options.check = check.value;
-    if (smallest.value !== "" || count.value !== "") options.disparities = [Number(smallest.value || 0), Number(count.value || 64)];
+    if (smallest.value !== "" || count.value !== "") options.disparities = [end(smallest), end(count)];
     if (window_.value !== "") options.window = Number(window_.value);
     if (reference.value !== "right") options.reference = reference.value;
-    if (near.value !== "" || far.value !== "") options.depth = [Number(near.value || 0), Number(far.value || 1e9)];
+    if (near.value !== "" || far.value !== "") options.depth = [end(near), end(far)];
     if (ignore.checked) options.ignore_check = true;
     if (texture.value !== "png") options.texture_format = texture.value;
     const given = Object.entries(mesh).filter(([, input]) => input.value !== "");

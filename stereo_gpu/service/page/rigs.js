@@ -18,7 +18,7 @@ export function rigPicker(changed) {
   const list = make("select", { change: () => choose(list.value) });
   const file = make("input", { type: "file", multiple: true, accept: ".json,.yml,.yaml,.xml,.mat,.txt", change: upload });
   const told = alertLine();
-  const remove = button("Delete this rig", drop, { class: "quiet" });
+  const remove = button("Delete this rig", drop);
   const state = { id: "", rigs: [] };
 
   function choose(id) {

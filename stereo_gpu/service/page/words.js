@@ -10,13 +10,15 @@ const STEPS = {
   smoothed: "Smoothed mesh", textured: "Textured model",
 };
 const FILES = {
+  "rig.json": "The rig",
   "model.glb": "Model with its texture, for viewers, Blender, the web",
+  "report.html": "Report with all pictures, opens offline",
   "model.obj": "Model for older programs; needs the .mtl and the .png", "model.mtl": "Material of model.obj",
   "model.png": "Texture of model.obj and model.ply", "model.ply": "Model for MeshLab",
   "cloud.ply": "Coloured points", "surface.vtp": "Surface for ParaView",
   "disparity.pfm": "Disparities as numbers", "disparity.png": "Disparities in colours",
-  "report.html": "Report with all pictures, opens offline", "result.json": "Options, times and counts",
-  "rig.json": "The rig", "calibration.json": "Errors of each view",
+  "result.json": "Options, times and counts",
+  "calibration.json": "Errors of each view, advice",
 };
 const STATES = { queued: "waiting", running: "running", done: "done", failed: "failed", cancelled: "cancelled" };
 
@@ -27,6 +29,8 @@ const plain = (name) => (name.charAt(0).toUpperCase() + name.slice(1)).replaceAl
 export const stageWords = (name) => known(STAGES, name);
 export const stepWords = (name) => known(STEPS, name);
 export const fileWords = (name) => FILES[name] ?? "";
+/** Where a file stands in a list: those with words in their order, the others last. */
+export const fileOrder = (name) => (name in FILES ? Object.keys(FILES).indexOf(name) : 99);
 export const stateWords = (name) => STATES[name] ?? name;
 
 /** A number of bytes for people. */
