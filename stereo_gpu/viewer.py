@@ -84,6 +84,12 @@ def viewer_page(mesh: Mesh) -> str:
     return f"{library}</script>\n{_BODY}<script>\n{own}</script></body>\n</html>\n"
 
 
+def viewer_script() -> str:
+    """three.js with GLTFLoader and TrackballControls, as a classic script; "" where trimesh brings none any more."""
+    library, found, _ = _library().partition(_STAGE)
+    return library.partition("<script>")[2] if found else ""
+
+
 def _library() -> str:
     """The page that trimesh makes viewers of, three.js within; "" where it is not in its place any more.
 

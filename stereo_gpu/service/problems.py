@@ -15,11 +15,15 @@ from starlette.exceptions import HTTPException
 from starlette.routing import Match
 
 from stereo_gpu.errors import InputError, StereoError
+from stereo_gpu.service.refusals import Conflict, DiskFull, NotFound, QueueFull, StoreError
 
 MEDIA_TYPE = "application/problem+json"
 # What RFC 9110 calls them; Python before 3.13 has the names of an older one.
 TITLES = {413: "Content Too Large", 416: "Range Not Satisfiable", 422: "Unprocessable Content"}
 SHOWN = 60  # characters of a wrong value
+STATUSES: dict[type[StereoError], int] = {NotFound: 404, Conflict: 409, InputError: 422}
+FULL = "the disk of the service is full: delete jobs, or try again later"
+UNUSABLE = "the service cannot read or write its folder: try again later, or tell its operator"
 METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE")
 
 log = logging.getLogger(__name__)
@@ -65,9 +69,16 @@ def answer_fault(request_id: str) -> JSONResponse:
 async def _own(request: Request, error: Exception) -> JSONResponse:
     if isinstance(error, Problem):
         return answer_problem(error.status, str(error), error.headers)
-    if isinstance(error, InputError):
-        return answer_problem(422, str(error))
+    if isinstance(error, QueueFull):
+        return answer_problem(429, str(error), {"Retry-After": str(error.retry_s)})
+    for kind, status in STATUSES.items():
+        if isinstance(error, kind):
+            return answer_problem(status, str(error))
     log.error("%s %s: %s", request.method, request.url.path, error)
+    if isinstance(error, DiskFull):
+        return answer_problem(507, FULL, {"Retry-After": "60"})
+    if isinstance(error, StoreError):  # it names the service's own files, which are none of the client's business
+        return answer_problem(503, UNUSABLE, {"Retry-After": "10"})
     return answer_problem(503, str(error), {"Retry-After": "10"})
 
 
@@ -108,10 +119,8 @@ async def _of_system(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, OSError)
     log.error("%s %s: %s", request.method, request.url.path, error, exc_info=error)
     if error.errno in (errno.ENOSPC, errno.EDQUOT):
-        return answer_problem(
-            507, "the disk of the service is full: delete jobs, or try again later", {"Retry-After": "60"}
-        )
-    return answer_problem(503, f"the service cannot read or write its folder: {error.strerror}", {"Retry-After": "10"})
+        return answer_problem(507, FULL, {"Retry-After": "60"})
+    return answer_problem(503, UNUSABLE, {"Retry-After": "10"})
 
 
 def _allowed(request: Request) -> list[str]:

@@ -1,0 +1,67 @@
+"""Small bodies: JSON may be neither large nor slow; uploads have their own limits, in uploads.py."""
+
+from __future__ import annotations
+
+import asyncio
+
+from starlette.datastructures import Headers
+from starlette.exceptions import HTTPException
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from stereo_gpu.service.problems import answer_problem
+
+LARGEST = 1 << 20  # bytes; a mask painted for an hour has a tenth of it
+
+
+class SmallBodies:
+    """Refuses what is too large before it is read, or while it is; only multipart bodies pass as they are.
+
+    Args:
+        app: that reads them.
+        seconds: for all of a body.
+    """
+
+    def __init__(self, app: ASGIApp, *, seconds: float) -> None:
+        self._app = app
+        self._seconds = seconds
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request."""
+        headers = Headers(scope=scope) if scope["type"] == "http" else Headers()
+        if scope["type"] != "http" or headers.get("content-type", "").lower().startswith("multipart/form-data"):
+            await self._app(scope, receive, send)
+            return
+        length = headers.get("content-length", "0")
+        if length.isascii() and length.isdigit() and int(length[:20]) > LARGEST:
+            await answer_problem(413, _too_large(int(length[:20])))(scope, receive, send)
+            return
+        await self._app(scope, _Counted(receive, self._seconds).receive, send)
+
+
+class _Counted:
+    def __init__(self, receive: Receive, seconds: float) -> None:
+        self._receive = receive
+        self._seconds = seconds
+        self._bytes = 0
+        self._whole = False
+        self._until: float | None = None
+
+    async def receive(self) -> Message:
+        if self._whole:  # from here on it only waits for the connection to end
+            return await self._receive()
+        now = asyncio.get_running_loop().time()
+        self._until = self._until or now + self._seconds
+        try:
+            message = await asyncio.wait_for(self._receive(), max(0.0, self._until - now))
+        except TimeoutError:
+            # The framework turns any other error of a body into a 400.
+            raise HTTPException(408, f"the body took over {self._seconds:g} s: send it at once") from None
+        self._whole = message["type"] != "http.request" or not message.get("more_body", False)
+        self._bytes += len(message.get("body", b""))
+        if self._bytes > LARGEST:
+            raise HTTPException(413, _too_large(self._bytes))
+        return message
+
+
+def _too_large(size: int) -> str:
+    return f"the body has {size} bytes or more, the limit is {LARGEST}: send less at once"
