@@ -1,30 +1,50 @@
 // Server-sent events over fetch, since EventSource sends no token; comes back by itself until the job has ended.
 
-import { Lost, Refused, send } from "./api.js";
+import { getJson, Lost, Refused, send } from "./api.js";
 import { lost, pause, waiting } from "./connection.js";
 
 const SILENT = 30_000; // ms: the service sends a comment every 10 s, so the line is dead after that
+const UNSEEN = 5000; // ms between looks at a job while the page is not seen
 export const ENDED = ["done", "failed", "cancelled"];
 
-/** Call `changed` with the job now and whenever it changes; returns when it has ended. Throws Refused. */
+/**
+ * Call `changed` with the job at a path now and whenever it changes; returns when it has ended. Throws Refused.
+ *
+ * A page that nobody sees asks now and then instead: a browser keeps six connections to a service, and a few tabs would
+ * hold them all.
+ */
 export async function follow(path, changed, signal) {
   for (let tries = 0; ; tries++) {
+    let ended = false;
+    const take = (job) => {
+      tries = 0;
+      ended = ENDED.includes(job.state);
+      changed(job);
+    };
     try {
-      let ended = false;
-      await listen(path, signal, (job) => {
-        tries = 0;
-        ended = ENDED.includes(job.state);
-        changed(job);
-      });
-      if (ended) return;
+      if (document.hidden) take(await getJson(path, signal));
+      else await listen(`${path}/events`, signal, take);
     } catch (error) {
       if (signal.aborted) throw signal.reason;
       const busy = error instanceof Refused && [502, 503, 504].includes(error.status);
       if (!busy && !(error instanceof Lost)) throw error;
-      lost();
+      if (!document.hidden) lost();
     }
-    await pause(waiting(tries), signal);
+    if (ended) return;
+    if (document.hidden) await seen(UNSEEN, signal);
+    else await pause(waiting(tries), signal);
   }
+}
+
+/** A pause that ends early when the page is seen again. */
+async function seen(milliseconds, signal) {
+  const either = new AbortController();
+  const stop = () => either.abort();
+  document.addEventListener("visibilitychange", stop, { once: true });
+  signal.addEventListener("abort", stop, { once: true });
+  await pause(milliseconds, either.signal).catch(() => {});
+  document.removeEventListener("visibilitychange", stop);
+  if (signal.aborted) throw signal.reason;
 }
 
 async function listen(path, signal, changed) {
@@ -32,6 +52,7 @@ async function listen(path, signal, changed) {
   let timer = setTimeout(() => silence.abort(), SILENT);
   const stop = () => silence.abort();
   signal.addEventListener("abort", stop);
+  document.addEventListener("visibilitychange", stop); // it can only have been hidden
   try {
     const answer = await send(path, { signal: silence.signal, headers: { Accept: "text/event-stream" } });
     const reader = answer.body.pipeThrough(new TextDecoderStream()).getReader();
@@ -54,6 +75,7 @@ async function listen(path, signal, changed) {
   } finally {
     clearTimeout(timer);
     signal.removeEventListener("abort", stop);
+    document.removeEventListener("visibilitychange", stop);
   }
 }
 

@@ -1,7 +1,7 @@
 // One job: its stages and pictures as they come, what went wrong, what it made, and what can be done with it.
 
 import { getJson, persist, Refused, send } from "./api.js";
-import { calibrationResult } from "./calibrated.js";
+import { calibrationResult, NEXT } from "./calibrated.js";
 import { alertLine, button, make, say } from "./dom.js";
 import { follow } from "./events.js";
 import { downloads } from "./files.js";
@@ -48,7 +48,7 @@ export function show(main, { id, signal }) {
     bar.value = job.fraction ?? 0;
     say(told, words(job));
     say(failed, job.state === "failed" ? job.error ?? "It failed, and nothing says why." : "");
-    listWarnings(warnings, job.warnings ?? []);
+    listWarnings(warnings, (job.warnings ?? []).filter((line) => !line.startsWith(NEXT)));
     stages.update(job);
     if (shown.tries !== job.tries || (shown.result && job.state !== "done")) newTry(job.tries);
     for (const { name, href } of job.steps ?? []) if (!shown.steps.has(name)) addStep(name, href);
@@ -101,19 +101,19 @@ export function show(main, { id, signal }) {
     for (const each of [cancel, restart, remove]) each.disabled = true;
     try {
       await persist(() => send(path + end, { method, signal }), signal);
-      if (method === "DELETE") location.hash = "#/jobs";
-      else if (what === "start again") watch();
-      else say(told, "Cancelling …");
+      if (what === "cancel") say(told, "Cancelling …");
+      if (what === "delete") location.hash = "#/jobs";
     } catch (error) {
       if (!signal.aborted) say(refused, error.message);
     } finally {
       for (const each of [cancel, restart, remove]) each.disabled = false;
     }
+    if (what === "start again" && !signal.aborted) watch();
   }
 
   async function watch() {
     try {
-      await follow(`${path}/events`, update, signal);
+      await follow(path, update, signal);
     } catch (error) {
       if (signal.aborted) return;
       say(told, "");

@@ -1,7 +1,7 @@
 // Pick a rig, or send the file of one.
 
 import { body, getJson, persist, send } from "./api.js";
-import { alertLine, button, field, make, say } from "./dom.js";
+import { alertLine, button, choice, field, make, say } from "./dom.js";
 
 const words = (rig) => {
   const { width, height, baseline, unit, rms_px: rms } = rig.summary ?? rig;
@@ -17,6 +17,8 @@ const words = (rig) => {
 export function rigPicker(changed) {
   const list = make("select", { change: () => choose(list.value) });
   const file = make("input", { type: "file", multiple: true, accept: ".json,.yml,.yaml,.xml,.mat,.txt", change: upload });
+  const size = make("input", { type: "text", placeholder: "640x480", autocomplete: "off" });
+  const unit = choice([["", "what the file says, else mm"], ...["mm", "cm", "m", "in"].map((name) => [name, name])], "");
   const told = alertLine();
   const remove = button("Delete this rig", drop);
   const state = { id: "", rigs: [] };
@@ -51,6 +53,8 @@ export function rigPicker(changed) {
     const form = new FormData();
     for (const one of file.files) form.append("file", one, one.name);
     form.append("name", file.files[0].name);
+    if (size.value.trim()) form.append("size", size.value.trim());
+    if (unit.value) form.append("unit", unit.value);
     say(told, "");
     file.disabled = true;
     try {
@@ -79,7 +83,9 @@ export function rigPicker(changed) {
   remove.disabled = true;
   const element = make("div", {},
     field("Rig", list, "How the two cameras stand, from a calibration."),
-    field("Or send the file of one", file, "rig.json, or OpenCV's, ROS's, Matlab's, KITTI's or Middlebury's; several that belong together at once."),
+    field("Or send the file of one", file, "rig.json, or OpenCV's, ROS's, Matlab's, KITTI's or Middlebury's; two that belong together at once."),
+    make("details", {}, make("summary", {}, "Where that file does not say"), make("div", { class: "columns" },
+      field("Size of its pictures, px", size, "Before the file is sent."), field("Unit of its lengths", unit))),
     make("p", { class: "buttons" }, make("a", { class: "button", href: "#/calibrate" }, "Make one from board pictures"), remove),
     told);
   return { element, state, load };

@@ -3,7 +3,8 @@
 const STAGES = {
   read: "Read the pictures", rig: "Read the rig", check: "Check the rig", rectify: "Rectify", mask: "Mask",
   range: "Find the range of disparities", match: "Match", close: "Close holes", triangulate: "Triangulate",
-  mesh: "Make the mesh", smooth: "Smooth", decimate: "Decimate", unwrap: "Unwrap", texture: "Texture", save: "Save",
+  mesh: "Make the mesh", smooth: "Smooth", decimate: "Decimate", unwrap: "Unwrap", texture: "Texture", save: "Save", find: "Find the board in the pictures", fit: "Fit the cameras",
+  report: "Draw the report",
 };
 const STEPS = {
   rectified: "Rectified pair", masked: "Masked", disparity: "Disparity", points: "Points", mesh: "Mesh",
