@@ -4,23 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import json
+from http import HTTPStatus
 from typing import Any
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 STALL_S = 60.0  # without a byte taken by a client that is being sent something
-BUSY = json.dumps(
-    {
-        "type": "about:blank",
-        "title": "Service Unavailable",
-        "status": 503,
-        "detail": "the service has as many connections as it can hold: try again in a moment",
-    }
-).encode()
-BUSY_ANSWER = (
-    b"HTTP/1.1 503 Service Unavailable\r\ncontent-type: application/problem+json\r\nretry-after: 5\r\n"
-    b"connection: close\r\ncontent-length: %d\r\n\r\n%s" % (len(BUSY), BUSY)
-)
+NO_HTTP = "this is no HTTP/1.1 request, or its header is too long: send one"
+BUSY = "the service has as many connections as it can hold: try again in a moment"
 
 
 class GuardedProtocol(H11Protocol):
@@ -46,7 +37,7 @@ class GuardedProtocol(H11Protocol):
         """Take or refuse it."""
         super().connection_made(transport)
         if len(self.connections) > self._most:
-            transport.write(BUSY_ANSWER)
+            transport.write(_answer(503, BUSY, "retry-after: 5\r\n"))
             transport.close()
             return
         self._watch()
@@ -64,6 +55,18 @@ class GuardedProtocol(H11Protocol):
             return
         super().data_received(data)
         self._watch()
+
+    def send_400_response(self, msg: str) -> None:
+        """Answer what is no HTTP, and hear no more; in the middle of another answer there is nothing to say."""
+        cycle = self.cycle
+        answering = cycle is not None and cycle.response_started and not cycle.response_complete
+        if cycle is not None:
+            # Whoever works on a request whose body has turned out to be broken hears of it.
+            cycle.disconnected = True
+            cycle.message_event.set()
+        if not answering:
+            self.transport.write(_answer(400, NO_HTTP))
+        self.transport.close()
 
     def pause_writing(self) -> None:
         """The client takes its answer more slowly than it is made."""
@@ -101,3 +104,13 @@ class GuardedProtocol(H11Protocol):
             self.transport.abort()  # to close it would wait for the client, who takes nothing
         else:
             self._await_progress(left)
+
+
+def _answer(status: int, detail: str, headers: str = "") -> bytes:
+    """A whole answer, for where no app is asked."""
+    title = HTTPStatus(status).phrase
+    body = json.dumps({"type": "about:blank", "title": title, "status": status, "detail": detail})
+    return (
+        f"HTTP/1.1 {status} {title}\r\ncontent-type: application/problem+json\r\n{headers}"
+        f"cache-control: no-store\r\nx-content-type-options: nosniff\r\ncontent-length: {len(body)}\r\nconnection: close\r\n\r\n{body}"
+    ).encode()

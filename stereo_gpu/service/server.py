@@ -108,6 +108,7 @@ def serve(
             ws="none",
             lifespan="off",
             log_config=None,
+            log_level="error",  # it warns of every client that speaks no HTTP
             access_log=False,
             server_header=False,
             proxy_headers=False,
