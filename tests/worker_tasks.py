@@ -98,3 +98,91 @@ def memory(index, result):
 
     gc.collect()
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+PREPARED = []  # in each process anew
+
+
+def prepare(*, mark):
+    """What is done before the first job."""
+    PREPARED.append(mark)
+
+
+def prepared(value, *, mark):
+    """What was prepared in this process before this job."""
+    return value, mark, list(PREPARED), os.getpid()
+
+
+def refuse_to_prepare(*, broken):
+    if broken:
+        raise RuntimeError("no device\nis left")
+
+
+def which(value, *, broken):
+    return value, broken
+
+
+def prepare_slowly():
+    time.sleep(1.0)
+
+
+def answer(value):
+    return value
+
+
+def go_through(stages, *, tell):
+    """Tells stages as they come, each (name, seconds); "well" where it comes to its end."""
+    for name, seconds in stages:
+        tell(name)
+        time.sleep(seconds)
+    return "well"
+
+
+def take_time(seconds, started=None, *, tell):
+    """Tells many stages, so that every engine can stop it."""
+    if started is not None:
+        Path(started).write_text(str(os.getpid()))
+    for _ in range(round(seconds / 0.02)):
+        tell("on")
+        time.sleep(0.02)
+    return "well"
+
+
+def grow(megabytes, *, tell):
+    """Holds more and more memory."""
+    held = []
+    for _ in range(megabytes // 20):
+        held.append(np.ones(20 << 20, np.uint8))
+        tell("on")
+        time.sleep(0.02)
+    return len(held)
+
+
+def grow_in_a_child(megabytes):
+    """Has a process of its own hold the memory."""
+    import subprocess
+    import sys
+
+    script = f"import time; held = bytearray(b'1') * ({megabytes} << 20); time.sleep(30)"
+    subprocess.run([sys.executable, "-c", script], check=True)
+
+
+def die_at_first(folder, times):
+    """Ends its process so many times, before it goes well; `folder` counts."""
+    tries = len(list(folder.iterdir()))
+    (folder / str(tries)).touch()
+    if tries < times:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return tries + 1
+
+
+def hold_on(started):
+    """Does not end when it is asked to."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    started.write_text(str(os.getpid()))
+    time.sleep(60)
+
+
+def hold_and_refuse(count):
+    held = np.ones(count)
+    raise InputError(f"{len(held)} are too many")

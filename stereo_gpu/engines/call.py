@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import traceback
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 from stereo_gpu.errors import StageError, StereoError
+
+Raised = TypeVar("Raised", bound=BaseException)
 
 
 def call(task: Callable[..., Any], job: tuple[Any, ...], arguments: Mapping[str, Any]) -> tuple[bool, Any]:
@@ -14,9 +16,9 @@ def call(task: Callable[..., Any], job: tuple[Any, ...], arguments: Mapping[str,
     try:
         return True, task(*job, **arguments)
     except StereoError as error:
-        return False, error
+        return False, _let_go(error)
     except Exception as error:
-        return False, failure(error)
+        return False, failure(_let_go(error))
 
 
 def failure(error: Exception) -> StageError:
@@ -29,3 +31,12 @@ def failure(error: Exception) -> StageError:
 def in_one_line(error: BaseException) -> str:
     """Its kind and what it says."""
     return " ".join(f"{type(error).__name__}: {error}".split())
+
+
+def _let_go(error: Raised) -> Raised:
+    """The error without the arrays of the frames that it came through, which would live as long as it does."""
+    cause: BaseException | None = error
+    while cause is not None:
+        traceback.clear_frames(cause.__traceback__)
+        cause = cause.__cause__ or cause.__context__
+    return error

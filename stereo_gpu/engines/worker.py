@@ -22,7 +22,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from typing import Any, BinaryIO
+from typing import IO, Any
 
 TOLD = "stage"
 AGAIN_S = 0.01
@@ -31,7 +31,7 @@ ORPHAN_GRACE_S = 5.0  # for an orphan to leave nothing half written
 _COUNT = struct.Struct("<Q")
 
 
-def send(stream: BinaryIO, message: Any) -> None:
+def send(stream: IO[bytes], message: Any) -> None:
     """Write one message; its arrays go as they are.
 
     Raises:
@@ -47,7 +47,7 @@ def send(stream: BinaryIO, message: Any) -> None:
     stream.flush()
 
 
-def receive(stream: BinaryIO) -> Any:
+def receive(stream: IO[bytes]) -> Any:
     """Read one message.
 
     Raises:
@@ -56,7 +56,7 @@ def receive(stream: BinaryIO) -> Any:
     return load(receive_parts(stream))
 
 
-def receive_parts(stream: BinaryIO) -> list[bytearray]:
+def receive_parts(stream: IO[bytes]) -> list[bytearray]:
     """Read one message and leave it as it came, so that one that cannot be understood is no loss of the next."""
     (count,) = _COUNT.unpack(_exactly(stream, _COUNT.size))
     sizes = struct.unpack(f"<{count}Q", _exactly(stream, _COUNT.size * count))
@@ -69,7 +69,7 @@ def load(parts: list[bytearray]) -> Any:
     return pickle.loads(pickled, buffers=buffers)
 
 
-def _exactly(stream: BinaryIO, size: int) -> bytearray:
+def _exactly(stream: IO[bytes], size: int) -> bytearray:
     data = bytearray(size)
     view, done = memoryview(data), 0
     while done < size:
@@ -123,7 +123,7 @@ def _set_up(
 
 
 def _answer(
-    answers: BinaryIO, task: Callable[..., Any], parts: list[bytearray], arguments: dict[str, Any], tells: bool
+    answers: IO[bytes], task: Callable[..., Any], parts: list[bytearray], arguments: dict[str, Any], tells: bool
 ) -> None:
     """Do a job, and send its stages and whether it went well with the result or the error."""
     from stereo_gpu.engines.call import call, failure
