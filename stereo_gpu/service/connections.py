@@ -37,7 +37,7 @@ class GuardedProtocol(H11Protocol):
         """Take or refuse it."""
         super().connection_made(transport)
         if len(self.connections) > self._most:
-            transport.write(_answer(503, BUSY, "retry-after: 5\r\n"))
+            transport.write(_answer(503, BUSY, "retry-after: 5"))
             transport.close()
             return
         self._watch()
@@ -106,11 +106,17 @@ class GuardedProtocol(H11Protocol):
             self._await_progress(left)
 
 
-def _answer(status: int, detail: str, headers: str = "") -> bytes:
+def _answer(status: int, detail: str, *headers: str) -> bytes:
     """A whole answer, for where no app is asked."""
     title = HTTPStatus(status).phrase
     body = json.dumps({"type": "about:blank", "title": title, "status": status, "detail": detail})
-    return (
-        f"HTTP/1.1 {status} {title}\r\ncontent-type: application/problem+json\r\n{headers}"
-        f"cache-control: no-store\r\nx-content-type-options: nosniff\r\ncontent-length: {len(body)}\r\nconnection: close\r\n\r\n{body}"
-    ).encode()
+    lines = (
+        f"HTTP/1.1 {status} {title}",
+        "content-type: application/problem+json",
+        f"content-length: {len(body)}",
+        "cache-control: no-store",
+        "x-content-type-options: nosniff",
+        "connection: close",
+        *headers,
+    )
+    return ("\r\n".join(lines) + f"\r\n\r\n{body}").encode()
