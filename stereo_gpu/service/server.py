@@ -14,6 +14,7 @@ from functools import partial
 from types import FrameType
 
 import uvicorn
+from fastapi import FastAPI
 
 from stereo_gpu.errors import InputError
 from stereo_gpu.service.app import create_app
@@ -102,23 +103,27 @@ def serve(
     try:
         listener = listener or listen(settings)
         app = create_app(service)
-        config = uvicorn.Config(
-            app,
-            http=partial(GuardedProtocol, header_seconds=HEADER_SECONDS, most=_most_connections()),  # type: ignore[arg-type]
-            ws="none",
-            lifespan="off",
-            log_config=None,
-            log_level="error",  # it warns of every client that speaks no HTTP
-            access_log=False,
-            server_header=False,
-            proxy_headers=False,
-            timeout_keep_alive=KEEP_ALIVE_S,
-            timeout_graceful_shutdown=CLOSING_S,
-            h11_max_incomplete_event_size=HEADER_BYTES,
-        )
-        _Server(config, service, app.state.streams.stop, ready).run([listener])
+        _Server(configure(app), service, app.state.streams.stop, ready).run([listener])
     finally:
         service.close(0.0)
+
+
+def configure(app: FastAPI) -> uvicorn.Config:
+    """How uvicorn serves the app; the sockets are its caller's."""
+    return uvicorn.Config(
+        app,
+        http=partial(GuardedProtocol, header_seconds=HEADER_SECONDS, most=_most_connections()),  # type: ignore[arg-type]
+        ws="none",
+        lifespan="off",
+        log_config=None,
+        log_level="error",  # it warns of every client that speaks no HTTP
+        access_log=False,
+        server_header=False,
+        proxy_headers=False,
+        timeout_keep_alive=KEEP_ALIVE_S,
+        timeout_graceful_shutdown=CLOSING_S,
+        h11_max_incomplete_event_size=HEADER_BYTES,
+    )
 
 
 class _Server(uvicorn.Server):
