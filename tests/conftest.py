@@ -71,3 +71,24 @@ def raw_folder(small_scene, tmp_path_factory):
         write_png(folder / f"{name}.png", picture)
     small_scene.rig.save(folder / "rig.json")
     return folder
+
+
+def need_service():
+    """Skip where what the service needs is not installed."""
+    try:
+        import httpx  # noqa: F401
+        import uvicorn  # noqa: F401
+
+        import stereo_gpu.service.app  # noqa: F401
+    except ImportError as error:
+        missing("service", f"{error}; pip install 'stereo-gpu[service]' httpx")
+
+
+@pytest.fixture(scope="session")
+def served(tmp_path_factory):
+    """The service with one worker on a free port: a `serving.Served`. Whoever stops it makes one of its own."""
+    from serving import serving
+
+    need_service()
+    with serving(tmp_path_factory.mktemp("service")) as one:
+        yield one
