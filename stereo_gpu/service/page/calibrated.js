@@ -51,7 +51,8 @@ function nextView(advice) {
 }
 
 function views(list, given) {
-  const head = ["Left", "Right", "Left error", "Right error", "Epipolar error"].map((text) => make("th", { scope: "col" }, text));
+  const head = ["Left", "Right", "Left error", "Right error", "Epipolar error"].map((text) =>
+    make("th", { scope: "col", class: text.endsWith("error") ? "number" : null }, text));
   const numbers = ({ left_px: left, right_px: right, epipolar_px: rows }) => [left, right, rows].map((value) =>
     make("td", { class: "number" }, pixels(value)));
   const row = (view) => make("tr", { class: view.used ? null : "out" },

@@ -8,7 +8,7 @@ import { downloads } from "./files.js";
 import { modelViewer } from "./model.js";
 import { picture } from "./pictures.js";
 import { stageList } from "./stages.js";
-import { jobName, momentWords, stageWords, stateWords, stepWords } from "./words.js";
+import { jobName, momentWords, secondsWords, stageWords, stateWords, stepWords } from "./words.js";
 
 /** Show a job and follow it. */
 export function show(main, { id, signal }) {
@@ -68,7 +68,7 @@ export function show(main, { id, signal }) {
   }
 
   function addStep(name, href) {
-    const figure = make("figure", {}, picture(href, stepWords(name), attempt.signal), make("figcaption", {}, stepWords(name)));
+    const figure = make("figure", { class: name === "rectified" ? "wide" : null }, picture(href, stepWords(name), attempt.signal), make("figcaption", {}, stepWords(name)));
     shown.steps.set(name, figure);
     steps.append(figure);
   }
@@ -77,7 +77,7 @@ export function show(main, { id, signal }) {
     shown.inputs = true;
     for (const input of job.inputs ?? []) {
       const size = `${input.width} × ${input.height} px`;
-      inputs.append(make("figure", {}, picture(input.href, input.given || input.name, signal, { loading: "lazy" }),
+      inputs.append(make("figure", {}, picture(input.href, input.given || input.name, signal, { lazy: true }),
         make("figcaption", {}, `${input.given || input.name}, ${size}`)));
     }
   }
@@ -141,7 +141,8 @@ function words(job) {
     return `${job.stage ? stageWords(job.stage) : "Starting"} …${again}`;
   }
   const when = momentWords(job.ended ?? job.created);
-  return { done: `Done ${when}.`, failed: `Failed ${when}.`, cancelled: `Cancelled ${when}.` }[job.state] ?? job.state;
+  const taken = job.seconds?.total === undefined ? "" : ` in ${secondsWords(job.seconds.total)}`;
+  return { done: `Done${taken}, ${when}.`, failed: `Failed ${when}.`, cancelled: `Cancelled ${when}.` }[job.state] ?? job.state;
 }
 
 function listWarnings(box, lines) {

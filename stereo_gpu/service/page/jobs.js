@@ -94,7 +94,7 @@ function newCard(first, signal) {
     bar.value = job.fraction ?? 0;
     say(more, lines(job));
     const path = thumb(job);
-    if (path && path !== shown) frame.replaceChildren(picture(path, "", leaving.signal, { loading: "lazy" }));
+    if (path && path !== shown) frame.replaceChildren(picture(path, "", leaving.signal, { lazy: true }));
     shown = path;
   };
   const element = make("li", { class: "card job" }, frame, make("div", { class: "what" }, name, state, bar, more));

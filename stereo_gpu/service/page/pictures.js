@@ -3,11 +3,16 @@
 import { getBlob, Refused } from "./api.js";
 import { make } from "./dom.js";
 
-/** A picture of the service; says in its place what went wrong, if something does. */
-export function picture(path, alt, signal, attributes = {}) {
-  const image = make("img", { alt, ...attributes });
+/**
+ * A picture of the service; says in its place what went wrong, if something does.
+ *
+ * A lazy one is fetched when it comes near to what is seen.
+ */
+export function picture(path, alt, signal, { lazy = false } = {}) {
+  const image = make("img", { alt });
   (async () => {
     try {
+      if (lazy) await near(image, signal);
       show(image, await getBlob(path, signal), signal);
     } catch (error) {
       if (signal.aborted) return;
@@ -15,6 +20,21 @@ export function picture(path, alt, signal, attributes = {}) {
     }
   })();
   return image;
+}
+
+function near(image, signal) {
+  return new Promise((resolve, reject) => {
+    const watch = new IntersectionObserver((entries) => {
+      if (!entries.some((entry) => entry.isIntersecting)) return;
+      watch.disconnect();
+      resolve();
+    }, { rootMargin: "300px" });
+    watch.observe(image);
+    signal.addEventListener("abort", () => {
+      watch.disconnect();
+      reject(signal.reason);
+    }, { once: true });
+  });
 }
 
 /** Show a blob in an image for as long as `signal` is not aborted. */

@@ -20,6 +20,7 @@ const FILES = {
   "disparity.pfm": "Disparities as numbers", "disparity.png": "Disparities in colours",
   "result.json": "Options, times and counts",
   "calibration.json": "Errors of each view, advice",
+  "coverage-left.svg": "Drawing", "coverage-right.svg": "Drawing", "arrows-left.svg": "Drawing", "arrows-right.svg": "Drawing",
 };
 const STATES = { queued: "waiting", running: "running", done: "done", failed: "failed", cancelled: "cancelled" };
 
