@@ -1,4 +1,4 @@
-"""What a worker tells the table of a job that went well; the result holds it, too: a service may die between the two."""
+"""What a worker tells the table of a job that went well; the result holds it, too, should the service die between."""
 
 from __future__ import annotations
 
