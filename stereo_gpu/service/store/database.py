@@ -72,7 +72,7 @@ class Database:
     def check(self) -> list[str]:
         """What SQLite finds wrong with the file; nothing where it is whole."""
         with self.read() as tables:
-            found = [str(row[0]) for row in tables.execute("PRAGMA integrity_check(20)")]
+            found = [_one_line(row[0]) for row in tables.execute("PRAGMA integrity_check(20)")]
             broken = [
                 f"{row[0]} {row[1]} names a missing {row[2]}" for row in tables.execute("PRAGMA foreign_key_check")
             ]
@@ -115,7 +115,7 @@ class Database:
         tables = self._writer
         for line in tables.execute("PRAGMA quick_check(1)"):
             if line[0] != "ok":
-                raise StoreError(f"{self.path} is damaged ({line[0]}): bring it back from a backup")
+                raise StoreError(f"{self.path} is damaged ({_one_line(line[0])}): bring it back from a backup")
         # Nothing is changed before it is known to be ours, the mode of its journal included.
         self._version()
         mode = tables.execute("PRAGMA journal_mode = WAL").fetchone()[0]
@@ -146,6 +146,11 @@ class Database:
                 f"{self.path} has tables of version {version}, this package knows {VERSION}: install the newer one"
             )
         return version
+
+
+def _one_line(found: str) -> str:
+    """SQLite tells which of its databases it is about on a line of its own; there is only one."""
+    return found.removeprefix("*** in database main ***").strip().replace("\n", "; ")
 
 
 def _run(tables: sqlite3.Connection, script: str) -> None:

@@ -77,7 +77,7 @@ class Jobs(Part):
             ahead = bisect_left(own, job.order)
             if own[ahead : ahead + 1] == [job.order]:
                 others = (
-                    min(len(theirs), ahead + (turn[client] < turn[job.client]))
+                    min(len(theirs), ahead + ((turn[client], client) < (turn[job.client], job.client)))
                     for client, theirs in waiting.items()
                     if client != job.client
                 )
