@@ -11,7 +11,7 @@ from stereo_gpu.backends.share import PROCESSES, usable_cores
 from stereo_gpu.engines.executor import Limits, Work
 from stereo_gpu.engines.in_order import WAITING_EACH, run_in_order
 from stereo_gpu.engines.local import LocalExecutor
-from stereo_gpu.errors import InputError, StageError
+from stereo_gpu.errors import InputError, StageError, WorkerError
 
 
 def gone(pid):
@@ -71,6 +71,21 @@ def test_no_more_is_asked_for_than_is_taken():
         assert len(asked) <= taken + WAITING_EACH
     answers.close()
     assert len(asked) < 20
+
+
+def test_one_whose_worker_dies_is_tried_again_as_often_as_wanted(tmp_path):
+    folders = [tmp_path / name for name in ("once", "twice", "always")]
+    for folder in folders:
+        folder.mkdir()
+    jobs = list(zip(folders, (1, 2, 99), strict=True))
+    begun = []
+    answers = run_jobs(worker_tasks.die_at_first, jobs, workers=1, tries=3, began=lambda *told: begun.append(told))
+    once, twice, always = answers
+    assert (once.result, twice.result) == (2, 3) and isinstance(always.error, WorkerError)
+    assert sorted(begun) == [(0, 0)] * 2 + [(1, 0)] * 3 + [(2, 0)] * 3
+    # What fails by itself would fail again.
+    (refused,) = run_jobs(worker_tasks.refuse_and_count, [(folders[0],)], workers=1, tries=3)
+    assert isinstance(refused.error, InputError) and len(list(folders[0].iterdir())) == 3
 
 
 def test_arrays_go_there_and_back():

@@ -186,3 +186,9 @@ def hold_on(started):
 def hold_and_refuse(count):
     held = np.ones(count)
     raise InputError(f"{len(held)} are too many")
+
+
+def refuse_and_count(folder):
+    """Is refused, and leaves one file more."""
+    (folder / str(len(list(folder.iterdir())))).touch()
+    raise InputError("the pair is bad")

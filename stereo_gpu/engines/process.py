@@ -68,13 +68,13 @@ class WorkerProcess:
         Raises:
             StereoError: it cannot be started or prepared, takes 15 minutes, was stopped, or `work` cannot be sent.
         """
-        if self._ready and _is_alive(self._process):
-            return
         with self._changing:
+            self._refuse_if_stopped()
             self._occupied = True
         try:
-            self._bury()
-            self._start()
+            if not (self._ready and _is_alive(self._process)):
+                self._bury()
+                self._start()
         finally:
             with self._changing:
                 self._occupied = self._busy
@@ -99,11 +99,8 @@ class WorkerProcess:
             logger.warning("memory of a job is not limited: this system does not tell what a process holds")
         with self._changing:
             self._busy = self._occupied = True
-            stopped = self._stopped
         start = time.perf_counter()
         try:
-            if stopped:
-                raise CancelledError("stopped before it began")
             self.warm()
             if begin is not None:
                 begin()
@@ -163,8 +160,7 @@ class WorkerProcess:
     def _start(self) -> None:
         try:
             with self._changing:
-                if self._stopped:
-                    raise CancelledError("stopped: no more processes are started")
+                self._refuse_if_stopped()
                 process = self._process = subprocess.Popen(
                     [sys.executable, "-P", str(_SCRIPT)],
                     stdin=subprocess.PIPE,
@@ -197,6 +193,10 @@ class WorkerProcess:
             self._bury()
             raise WorkerError(f"its process cannot get ready ({refused}): see that the device is free, and try again")
         self._ready = True
+
+    def _refuse_if_stopped(self) -> None:
+        if self._stopped:
+            raise CancelledError("stopped: no more processes are started")
 
     def _exchange(self, job: tuple[Any, ...], limits: Limits, tell: Tell | None) -> tuple[bool, Any]:
         """What the process answers to a job, or why it does not."""
