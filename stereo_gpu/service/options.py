@@ -30,6 +30,7 @@ WANTED = {
     "depth": "give [nearest, farthest], null for an end that is open",
 }
 
+Word = Annotated[str, Field(max_length=40)]
 Whole = Annotated[int, Field(ge=-LARGEST, le=LARGEST)]
 
 
@@ -40,7 +41,7 @@ class _Strict(BaseModel):
 class MeshJson(_Strict):
     """How the mesh is made; `MeshOptions` says what each one means."""
 
-    method: str = "bounded"
+    method: Word = "bounded"
     error_px: float = 0.25
     max_jump_px: float = 3.0
     largest_hole: Whole | None = 400
@@ -48,7 +49,7 @@ class MeshJson(_Strict):
     faces: Whole = 50_000
     decimate_error: float | None = None
     smoothing: Whole = 10
-    unwrap: str = "charts"
+    unwrap: Word = "charts"
 
 
 class JobOptions(_Strict):
@@ -61,10 +62,10 @@ class JobOptions(_Strict):
         steps: whether pictures of the steps are wanted while it runs.
     """
 
-    profile: str = "precise"
+    profile: Word = "precise"
     disparities: Literal["auto"] | tuple[Whole, Whole] = "auto"
     window: Whole | Literal["auto"] | None = None
-    reference: str = "right"
+    reference: Word = "right"
     rectangle: tuple[Whole, Whole, Whole, Whole] | None = None
     depth: tuple[float | None, float | None] | None = None
     tile: Whole | None = None
@@ -72,7 +73,7 @@ class JobOptions(_Strict):
     check: Literal["first", "full", "rows", "never"] = "first"
     mesh: MeshJson = MeshJson()
     files: Literal["model", "all"] = "model"
-    texture_format: str = "png"
+    texture_format: Word = "png"
     steps: bool = False
 
     @model_validator(mode="after")

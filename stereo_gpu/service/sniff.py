@@ -136,7 +136,10 @@ def _tiff(stream: BinaryIO) -> Size:
     order = "<" if head[:1] == b"I" else ">"
     big = head[2:4] in (b"+\0", b"\0+")
     counting, entry, value = ("Q", "HHQ8s", 8) if big else ("H", "HHI4s", 4)
-    stream.seek(struct.unpack_from(f"{order}Q" if big else f"{order}I", head, 8 if big else 4)[0])
+    (begin,) = struct.unpack_from(f"{order}Q" if big else f"{order}I", head, 8 if big else 4)
+    if begin > stream.seek(0, 2):  # past the end, where some file systems do not even go
+        raise EOFError
+    stream.seek(begin)
     (count,) = struct.unpack(f"{order}{counting}", stream.read(struct.calcsize(f"={counting}")))
     if count > MOST_ENTRIES:
         raise ValueError
