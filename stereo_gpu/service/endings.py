@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from stereo_gpu.engines.executor import Answer
-from stereo_gpu.errors import BackendError, CancelledError, StereoError, WorkerError
+from stereo_gpu.errors import CancelledError, StereoError
 from stereo_gpu.files import write_whole
 from stereo_gpu.service.folders import Folders
 from stereo_gpu.service.outcome import Outcome
@@ -51,18 +50,9 @@ def end_badly(lease: Lease, error: StereoError, seconds: float) -> Ending:
         id=lease.job.id,
         number=lease.number,
         state=State.CANCELLED if cancelled else State.FAILED,
-        error=None if cancelled else str(error) or type(error).__name__,
+        error=None if cancelled else " ".join(str(error).split()) or type(error).__name__,
         seconds={"total": seconds},
     )
-
-
-def lost(answer: Answer) -> WorkerError | None:
-    """Why this answer says nothing against the job, so that it is to be tried again; None where it does."""
-    if isinstance(answer.error, WorkerError):
-        return answer.error
-    if isinstance(answer.error, BackendError):  # a device that others filled or upset may be well the next time
-        return WorkerError(str(answer.error))
-    return None
 
 
 def _keep_rig(folders: Folders, job: Job, summary: dict[str, object]) -> RigRecord:

@@ -84,7 +84,7 @@ class Metrics:
                 self._stage.labels(stage).observe(took)
 
     def lost(self, reason: str) -> None:
-        """A try was lost: reason is died, seconds, memory, publish, device or stopped."""
+        """A try was lost: reason is worker (it died, or went over a limit), device, result, begin or stopped."""
         self._lost.labels(reason).inc()
 
     def device(self, name: str, free_bytes: int) -> None:

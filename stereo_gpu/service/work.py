@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import shutil
+import sys
 from pathlib import Path
 from typing import Any
 
 from stereo_gpu.backends import open_backend
 from stereo_gpu.engines.executor import Tell
-from stereo_gpu.errors import StereoError, WorkerError
+from stereo_gpu.errors import BackendError, MemoryLimitError, StereoError, WorkerError
 from stereo_gpu.pipeline import reconstruct
 from stereo_gpu.scene import build_scene
 from stereo_gpu.scene_render import render_pair
@@ -63,12 +64,22 @@ def do_job(order: WorkOrder, *, data: Path, backend: str | None, tell: Tell) -> 
     except OSError as error:
         raise WorkerError(f"its folder cannot be written: {error.strerror or error}") from error
     except StereoError as error:
+        if isinstance(error, BackendError) and not isinstance(error, MemoryLimitError):
+            _leave_if_unfit(data, backend)
         told = _told(error, folders, order)
         # What `files.write_whole` and its like make of a full disk is no fault of the job.
         if isinstance(error, StoreError) or isinstance(error.__cause__, OSError):
             raise WorkerError(told) from error
         raise type(error)(told) from error
     return {"outcome": outcome, "device": _device(backend)}
+
+
+def _leave_if_unfit(data: Path, backend: str | None) -> None:
+    """End this worker if its device does nothing more, as after a fault on a GPU: a new process has a new context."""
+    try:
+        prepare(data=data, backend=backend)
+    except StereoError as error:
+        sys.exit(f"stereo-gpu: this worker ends, its device does not work any more: {error}")
 
 
 def _told(error: StereoError, folders: Folders, order: WorkOrder) -> str:
