@@ -4,6 +4,7 @@ STEREO_GPU_REQUIRE=opencl,warp:cpu,data,ptxas,vtk,gltf-validator,service,ray,chr
 device, of missing data, of an extra or of a tool into a failure.
 """
 
+import importlib.util
 import os
 from pathlib import Path
 
@@ -92,3 +93,15 @@ def served(tmp_path_factory):
     need_service()
     with serving(tmp_path_factory.mktemp("service")) as one:
         yield one
+
+
+@pytest.fixture(scope="module")
+def ray_cluster():
+    """A Ray cluster of this machine alone, which all executors of a module share: each would start one of its own."""
+    if importlib.util.find_spec("ray") is None:
+        missing("ray", 'it is not installed: pip install "stereo-gpu[ray]"')
+    from stereo_gpu.engines.ray_connection import connect, release
+
+    connect(None, 4)
+    yield
+    release()

@@ -1,13 +1,11 @@
 """What every engine promises, asked of each of them."""
 
-import importlib.util
 import threading
 import time
 import traceback
 
 import pytest
 import worker_tasks
-from conftest import missing
 
 from stereo_gpu.engines.choose import open_executor
 from stereo_gpu.engines.executor import ENGINES, Limits, Work
@@ -21,8 +19,8 @@ MEGABYTE = 1 << 20
 @pytest.fixture(params=ENGINES)
 def engine(request):
     """The name of each engine that can be had."""
-    if request.param == "ray" and importlib.util.find_spec("ray") is None:
-        missing("ray", "it is not installed")
+    if request.param == "ray":
+        request.getfixturevalue("ray_cluster")
     return request.param
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import pickle
 from collections.abc import Callable
 from typing import Any
@@ -16,6 +17,8 @@ from stereo_gpu.engines.watch import GRACE_S
 from stereo_gpu.errors import InputError
 
 GPU_SHARE = 0.125  # of a GPU, a worker: so many keep it busy while others of them decode, mesh and encode
+
+logger = logging.getLogger(__name__)
 
 
 class RayExecutor(Crew):
@@ -59,6 +62,8 @@ class RayExecutor(Crew):
         try:
             room, share = _room(num_cpus, num_gpus)
             count = min(room, MOST_WORKERS) if workers is None else workers
+            if count > room:
+                logger.warning("%d workers are wanted, the cluster has room for %d: the rest waits for it", count, room)
             super().__init__("ray", [RayWorker(pickled, number, num_cpus, share) for number in range(count)])
         except BaseException:
             release()

@@ -103,9 +103,7 @@ def _start(cpus: int) -> Callable[[], None] | None:
     ray = _import_ray()
     if ray.is_initialized():
         return None
-    from ray._raylet import Config
-
-    Config.initialize("")  # Ray does this itself where it sets the mode: it may have been loaded before
+    ray._raylet.Config.initialize("")  # it may have been loaded before; Ray does this where it sets the mode itself
     # The names of its sockets are long, and a system takes 107 characters; the usual temporary folder may be deep.
     folder = None
     if "RAY_TMPDIR" not in os.environ:
