@@ -1,7 +1,7 @@
 """A process that uses a store without a pause until it is killed; it prints what it was told, once it was told.
 
 Run as `store_writer.py FILE NAME FIRST`: puts jobs into the queue with the keys NAME-FIRST, NAME-(FIRST + 1) and so on,
-takes jobs, keeps them, and ends, gives back or cancels them.
+takes jobs, keeps them, and ends, gives back or cancels them; at times it takes everybody's leases away.
 """
 
 import os
@@ -41,6 +41,8 @@ def main(path, name, first):
                     store.ask_cancel(lease.job.client, lease.job.id)
                 except Conflict:
                     continue
+        if chance.random() < 0.2:
+            store.reclaim(lambda _: False, 1000)
         ids = store.finish([Ending(id=lease.job.id, number=lease.number, state=State.DONE) for lease in leases])
         for id in ids:
             say("ended", id)
