@@ -5,13 +5,15 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import platform
 import re
 import secrets
 import shutil
 from collections import deque
 from collections.abc import Generator, Iterator, Sequence
 from contextlib import closing, contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -19,9 +21,9 @@ from typing import Any
 from stereo_gpu.backends import open_backend
 from stereo_gpu.batching.pair_list import FAILED_NAME, ListedPair
 from stereo_gpu.config import MeshOptions
-from stereo_gpu.engines.executor import Limits, Work
+from stereo_gpu.engines.choose import open_executor
+from stereo_gpu.engines.executor import Answer, Executor, Limits, Work
 from stereo_gpu.engines.in_order import run_in_order
-from stereo_gpu.engines.local import LocalExecutor
 from stereo_gpu.errors import InputError, StereoError
 from stereo_gpu.files import check_writable, write_whole
 from stereo_gpu.inputs import hash_file
@@ -36,6 +38,7 @@ from stereo_gpu.rig import Rig
 RESULT_NAME = "result.json"
 FILES = ("model", "all")
 MOST_UNDER_WAY = 256  # pairs that may have been under way when a run is stopped
+TRIES = {"ray": 3}  # of a pair whose worker is lost, by engine; here a pair that takes its process with it has failed
 _STAGING = re.compile(r"\..*[0-9a-f]{12}\.part")
 
 
@@ -80,6 +83,8 @@ def reconstruct_batch(
     tile: int | None = None,
     ignore_check: bool = False,
     texture_format: str = "png",
+    engine: str = "local",
+    address: str | None = None,
 ) -> Generator[Done]:
     """Reconstruct listed pairs, several at once, and write out/NAME/ for each, whole or not at all.
 
@@ -95,12 +100,16 @@ def reconstruct_batch(
         workers, check, limit_s: as in `reconstruct_many`.
         profile, disparities, backend, window, reference, depth, mesh, tile, ignore_check: as in `reconstruct`.
         texture_format: of model.glb: png, jpeg or webp.
+        engine: "local", or "ray" for the nodes of a Ray cluster, which must all see the pictures and `out` under the
+            same paths. There a pair whose worker is lost is tried three times, and each node looks for its own device.
+        address: of the cluster, HOST:PORT or "auto"; None starts one here.
 
     Returns:
         Gives what became of each pair, in order. Close it to stop early.
 
     Raises:
-        InputError: an option is wrong, or `out` cannot be written or is written to by another batch.
+        InputError: an option is wrong, `out` cannot be written or is written to by another batch, or there is no such
+            cluster.
         BackendError: the device is missing.
     """
     if check not in CHECKS or files not in FILES:
@@ -120,24 +129,31 @@ def reconstruct_batch(
         "ignore_check": ignore_check,
     }
     told = {**options, "mesh": asdict(mesh), "check": check, "files": files, "texture_format": texture_format}
-    device = open_backend(backend)
+    distant = engine == "ray"
+    device = None if distant else open_backend(backend)
     shared = {
         "rig": rig,
         "out": out.absolute(),
-        "options": {**options, "backend": device.name},
+        "options": {**options, "backend": device.name if device else backend or os.environ.get("STEREO_GPU_BACKEND")},
         "saving": {"files": files, "texture_format": texture_format},
         "again": again,
         "wanted": {"rig": _rig_digest(rig), "options": told},
     }
-    jobs = ((pair, check_of(check, index)) for index, pair in enumerate(pairs))
-    executor = LocalExecutor(Work(task=make_model, shared=shared), how_many(workers, device))
-    answers = run_in_order(executor, jobs, limits=Limits(seconds=limit_s))
-    return _run(pairs, out, answers)
+    mark = out.absolute() / f".{secrets.token_hex(6)}.part" if distant else None
+    work = Work(task=make_model, shared=shared, prepare=partial(refuse_unshared, mark) if mark else None)
+    jobs = ((_whole(pair) if distant else pair, check_of(check, index)) for index, pair in enumerate(pairs))
+    executor = open_executor(engine, work, workers=how_many(workers, device) if device else workers, address=address)
+    answers = run_in_order(executor, jobs, limits=Limits(seconds=limit_s), tries=TRIES.get(engine, 1))
+    return _run(pairs, out, mark, executor, answers)
 
 
-def _run(pairs: Sequence[ListedPair], out: Path, answers: Generator[Any]) -> Generator[Done]:
+def _run(
+    pairs: Sequence[ListedPair], out: Path, mark: Path | None, executor: Executor, answers: Generator[Answer]
+) -> Generator[Done]:
     failed: list[str] = []
-    with _own(out):
+    with closing(executor), _own(out):
+        if mark is not None:
+            mark.mkdir()
         waiting = deque(pairs)
         try:
             with closing(answers):
@@ -156,6 +172,24 @@ def _run(pairs: Sequence[ListedPair], out: Path, answers: Generator[Any]) -> Gen
                 write_whole(listed, "".join(failed))
             else:
                 listed.unlink(missing_ok=True)
+
+
+def refuse_unshared(mark: Path, **_: Any) -> None:
+    """Refuse, on a node, to write models to a folder that is not the caller's own.
+
+    Raises:
+        InputError: `mark`, a folder in it, is not to be seen here.
+    """
+    if not mark.is_dir():
+        raise InputError(
+            f"{mark.parent} is another folder on {platform.node()}: put it on storage that all nodes share"
+        )
+
+
+def _whole(pair: ListedPair) -> ListedPair:
+    """The pair by paths that do not depend on where a process runs."""
+    mask = None if pair.mask is None else pair.mask.absolute()
+    return replace(pair, left=pair.left.absolute(), right=pair.right.absolute(), mask=mask)
 
 
 def make_model(

@@ -60,6 +60,22 @@ def add_backend(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--backend", help="where to compute, as `devices` names it; by default the best device")
 
 
+def add_engine(parser: argparse.ArgumentParser) -> None:
+    """Where jobs are done."""
+    parser.add_argument(
+        "--engine",
+        choices=("local", "ray"),
+        default="local",
+        help="in processes of this machine, or on the nodes of a Ray cluster (%(default)s)",
+    )
+    parser.add_argument(
+        "--address",
+        metavar="HOST:PORT",
+        help="with --engine ray, the head of the cluster, of which this machine must be a node, or auto for the one"
+        " that runs here; by default one is started here and ended again",
+    )
+
+
 def add_matching(parser: argparse.ArgumentParser, profile: str) -> None:
     """How to match; `profile` is the default one."""
     parser.add_argument("--profile", default=profile, help="paper, fast or precise (%(default)s)")

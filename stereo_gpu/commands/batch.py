@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 from stereo_gpu.commands.arguments import (
     add_backend,
+    add_engine,
     add_matching,
     add_model,
     add_rig,
@@ -58,6 +59,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="pairs at once, each in its own process; by default one a core, on a GPU 8 at most",
     )
+    add_engine(parser)
     parser.add_argument(
         "--limit", type=float, metavar="S", help="seconds after which a pair is given up; by default none"
     )
@@ -104,6 +106,8 @@ def run(options: argparse.Namespace) -> None:
         tile=options.tile,
         ignore_check=options.ignore_check,
         texture_format=options.texture_format,
+        engine=options.engine,
+        address=options.address,
     )
     with _Tally(len(pairs)) as tally:
         try:
