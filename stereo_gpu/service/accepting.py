@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import secrets
 import time
 from collections.abc import Mapping
@@ -18,13 +17,14 @@ from stereo_gpu.service.service import Service
 from stereo_gpu.service.uploads import Form
 
 MOST_BOARDS = 400  # pictures of each camera; fifty are many
-LONGEST_LABEL = 200  # bytes
+LONGEST_LABEL = 200  # characters
+BYTES_EACH = 4  # of a character in UTF-8, at most
 LONGEST_WORD = 40
 KEY = r"^[\x21-\x7e]{1,200}$"
 
 PAIR_FORM = FormSpec(
     files={"left": FileWanted(), "right": FileWanted(), "mask": FileWanted(least=0)},
-    fields={"rig": 64, "options": OPTIONS_BYTES, "label": LONGEST_LABEL},
+    fields={"rig": 64, "options": OPTIONS_BYTES, "label": BYTES_EACH * LONGEST_LABEL},
     required=("rig",),
 )
 BOARDS_FORM = FormSpec(
@@ -34,7 +34,7 @@ BOARDS_FORM = FormSpec(
         "square": LONGEST_WORD,
         "marker": LONGEST_WORD,
         "dictionary": LONGEST_WORD,
-        "label": LONGEST_LABEL,
+        "label": BYTES_EACH * LONGEST_LABEL,
     },
     required=("board", "square"),
 )
@@ -104,6 +104,17 @@ def check_sizes_alike(left: InputFile, right: InputFile) -> None:
         )
 
 
+def read_title(name: str, given: str) -> str:
+    """What a client calls a thing, on one line of what can be shown.
+
+    Raises:
+        InputError: it is too long.
+    """
+    if len(given) > LONGEST_LABEL:
+        raise InputError(f"{name} has {len(given)} characters, the limit is {LONGEST_LABEL}: shorten it")
+    return " ".join("".join(letter if letter.isprintable() else " " for letter in given).split())
+
+
 def _board_options(fields: Mapping[str, str]) -> dict[str, Any]:
     """The board, as the job's options keep it: board, square, marker and dictionary."""
     square, marker = (_length(name, fields[name]) if fields.get(name) else None for name in ("square", "marker"))
@@ -124,7 +135,7 @@ def _enqueue(
     service: Service, client: str, form: Form, kind: Kind, options: dict[str, Any], rig: str | None, key: str | None
 ) -> tuple[Job, bool]:
     first = form.inputs[0]
-    label = " ".join(re.sub(r"[^\S ]|[\x00-\x1f\x7f]", " ", form.fields.get("label", "")).split())
+    label = read_title("label", form.fields.get("label", ""))
     job = Job(
         id=secrets.token_hex(16),
         client=client,

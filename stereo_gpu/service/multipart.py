@@ -188,7 +188,7 @@ class FormWriter:
             self._text.extend(memoryview(data)[start:end])
             most = self._wanted.fields[self._name]
             if len(self._text) > most:
-                raise Problem(413, f"{self._name} has over {most} bytes: shorten it")
+                raise InputError(f"{self._name} has over {most} bytes: shorten it")
         elif self._stream is not None:
             file = self.files[-1]
             file.size += end - start

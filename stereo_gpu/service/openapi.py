@@ -8,6 +8,7 @@ from typing import Any
 from fastapi import FastAPI
 from fastapi.openapi.utils import get_openapi
 
+from stereo_gpu.boards.board import SIDES_OF_SQUARES
 from stereo_gpu.service.models import ProblemView
 from stereo_gpu.service.options import JobOptions
 from stereo_gpu.service.problems import MEDIA_TYPE
@@ -33,6 +34,7 @@ SAID = {
     503: "the service is stopping, or busy",
     507: "the disk is full",
 }
+BY = "^ *[0-9]{1,6} *[xX×] *[0-9]{1,6} *$"  # columns x rows, width x height
 _PROBLEM = {"$ref": "#/components/schemas/ProblemView"}
 _RETRY = {"Retry-After": {"description": "seconds", "schema": {"type": "integer"}}}
 _CHALLENGE = {"WWW-Authenticate": {"description": "Bearer", "schema": {"type": "string"}}}
@@ -86,6 +88,17 @@ def text(description: str, longest: int, **more: Any) -> dict[str, Any]:
     return {"type": "string", "maxLength": longest, "description": description, **more}
 
 
+def length(description: str) -> dict[str, Any]:
+    """The schema of a field that holds a length."""
+    smallest, largest = SIDES_OF_SQUARES
+    return {"type": "number", "minimum": smallest, "maximum": largest, "description": description}
+
+
+def header(name: str, description: str) -> dict[str, Any]:
+    """A header that a request may have."""
+    return {"name": name, "in": "header", "required": False, "description": description, "schema": {"type": "string"}}
+
+
 def install_document(app: FastAPI) -> None:
     """Have the app give the whole document."""
 
@@ -103,10 +116,20 @@ def install_document(app: FastAPI) -> None:
                 schema = model.model_json_schema(ref_template="#/components/schemas/{model}")
                 schemas.update(schema.pop("$defs", {}))
                 schemas[model.__name__] = schema
-            # The framework's own form of errors, which no route uses.
-            for name in ("HTTPValidationError", "ValidationError"):
-                schemas.pop(name, None)
+            _drop_foreign_errors(made)
             app.openapi_schema = made
         return app.openapi_schema
 
     app.openapi = document  # type: ignore[method-assign]
+
+
+def _drop_foreign_errors(made: dict[str, Any]) -> None:
+    """Take out the framework's own form of errors, which no route uses, and where it supposes one."""
+    foreign = {"$ref": "#/components/schemas/HTTPValidationError"}
+    for operations in made["paths"].values():
+        for operation in operations.values():
+            supposed = operation["responses"].get("422", {}).get("content", {}).get("application/json", {})
+            if supposed.get("schema") == foreign:
+                del operation["responses"]["422"]
+    for name in ("HTTPValidationError", "ValidationError"):
+        made["components"]["schemas"].pop(name, None)

@@ -11,12 +11,13 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
-from stereo_gpu.config import MeshOptions
+from stereo_gpu.config import MeshOptions, Profile
 from stereo_gpu.errors import InputError
-from stereo_gpu.job import plan_job
+from stereo_gpu.job import MOST_SMOOTHING, plan_job
 from stereo_gpu.match_options import check_range
-from stereo_gpu.model_files.texture_file import check_texture_format
+from stereo_gpu.model_files.texture_file import TEXTURE_FORMATS, check_texture_format
 from stereo_gpu.service.records import InputFile
+from stereo_gpu.types import View
 
 OPTIONS_BYTES = 16 << 10  # of the JSON; all options together take some hundred
 SHOWN = 60  # characters of a wrong value
@@ -34,6 +35,11 @@ Word = Annotated[str, Field(max_length=40)]
 Whole = Annotated[int, Field(ge=-LARGEST, le=LARGEST)]
 
 
+def _told(default: Any, **schema: Any) -> Any:
+    """A field of which the OpenAPI document says more than is checked here: what checks it has a better line."""
+    return Field(default, json_schema_extra=schema)
+
+
 class _Strict(BaseModel):
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -41,15 +47,15 @@ class _Strict(BaseModel):
 class MeshJson(_Strict):
     """How the mesh is made; `MeshOptions` says what each one means."""
 
-    method: Word = "bounded"
-    error_px: float = 0.25
-    max_jump_px: float = 3.0
+    method: Word = _told("bounded", enum=["bounded", "dense"])
+    error_px: float = _told(0.25, exclusiveMinimum=0)
+    max_jump_px: float = _told(3.0, exclusiveMinimum=0)
     largest_hole: Whole | None = 400
-    smallest_part: Whole = 150
-    faces: Whole = 50_000
+    smallest_part: Whole = _told(150, minimum=0)
+    faces: Whole = _told(50_000, minimum=0)
     decimate_error: float | None = None
-    smoothing: Whole = 10
-    unwrap: Word = "charts"
+    smoothing: Whole = _told(10, minimum=0, maximum=MOST_SMOOTHING)
+    unwrap: Word = _told("charts", enum=["charts", "view"])
 
 
 class JobOptions(_Strict):
@@ -62,10 +68,10 @@ class JobOptions(_Strict):
         steps: whether pictures of the steps are wanted while it runs.
     """
 
-    profile: Word = "precise"
+    profile: Word = _told("precise", enum=list(Profile))
     disparities: Literal["auto"] | tuple[Whole, Whole] = "auto"
     window: Whole | Literal["auto"] | None = None
-    reference: Word = "right"
+    reference: Word = _told("right", enum=list(View))
     rectangle: tuple[Whole, Whole, Whole, Whole] | None = None
     depth: tuple[float | None, float | None] | None = None
     tile: Whole | None = None
@@ -73,7 +79,7 @@ class JobOptions(_Strict):
     check: Literal["first", "full", "rows", "never"] = "first"
     mesh: MeshJson = MeshJson()
     files: Literal["model", "all"] = "model"
-    texture_format: Word = "png"
+    texture_format: Word = _told("png", enum=list(TEXTURE_FORMATS))
     steps: bool = False
 
     @model_validator(mode="after")

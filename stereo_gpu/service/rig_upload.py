@@ -10,6 +10,7 @@ from pathlib import Path
 from stereo_gpu.errors import InputError
 from stereo_gpu.rig import Rig
 from stereo_gpu.rig_files.load import load_rig
+from stereo_gpu.service.accepting import BYTES_EACH, LONGEST_LABEL, read_title
 from stereo_gpu.service.multipart import FileWanted, FormSpec
 from stereo_gpu.service.problems import Problem
 from stereo_gpu.service.records import InputFile, RigRecord
@@ -17,10 +18,10 @@ from stereo_gpu.service.rig_summary import summarise
 from stereo_gpu.service.service import Service
 from stereo_gpu.service.uploads import Form
 
-LONGEST_NAME = 200  # bytes
 LARGEST_FILE = 2 << 20  # bytes: they are read here, not by a worker; a rig of ten thousand views has 3 MB
 RIG_FORM = FormSpec(
-    files={"file": FileWanted(most=2, picture=False)}, fields={"name": LONGEST_NAME, "size": 40, "unit": 8}
+    files={"file": FileWanted(most=2, picture=False)},
+    fields={"name": BYTES_EACH * LONGEST_LABEL, "size": 40, "unit": 8},
 )
 # Which of two files comes second, where they are not sent in order.
 _SECOND = re.compile(r"right|extrinsic", re.IGNORECASE)
@@ -45,7 +46,7 @@ def accept_rig(service: Service, client: str, form: Form) -> RigRecord:
         id = secrets.token_hex(16)
         service.folders.rig(id).parent.mkdir(mode=0o700)
         rig.save(service.folders.rig(id))
-        name = " ".join(form.fields.get("name", "").split()) or files[0].given or "rig"
+        name = read_title("name", form.fields.get("name", "")) or files[0].given or "rig"
         record = RigRecord(id=id, client=client, name=name, created=time.time(), summary=summarise(rig))
         service.metrics.received(form.bytes)
         return service.store.add_rig(record)

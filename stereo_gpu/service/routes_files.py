@@ -10,7 +10,7 @@ from fastapi import APIRouter, Path, Response
 from stereo_gpu.service.asking import Client, IdHere, ServiceHere
 from stereo_gpu.service.manifest import Manifest
 from stereo_gpu.service.models import FileList, FileView
-from stereo_gpu.service.openapi import body, wrong
+from stereo_gpu.service.openapi import body, header, wrong
 from stereo_gpu.service.records import Job, State
 from stereo_gpu.service.refusals import Conflict, NotFound
 from stereo_gpu.service.send_file import FileAnswer
@@ -21,9 +21,16 @@ router = APIRouter(prefix="/v1/jobs/{id}", tags=["files"])
 Name = Annotated[str, Path(min_length=1, max_length=100)]
 _ANY = "application/octet-stream"
 _WHOLE = {"ETag": "its sha256, in quotes", "Accept-Ranges": "bytes", "Content-Disposition": "its name"}
+_ASKED = {
+    "parameters": [
+        header("Range", "one part of it, such as bytes=0-99; several are answered with the whole"),
+        header("If-Range", "an ETag: the part only if it is still that file"),
+        header("If-None-Match", "ETags that you have: 304 if it is one of them"),
+    ]
+}
 _SENT: dict[int | str, dict[str, Any]] = {
-    200: body(_ANY, "the file; its type is that of the list", headers=_WHOLE),
-    206: body(_ANY, "a part of it", headers={**_WHOLE, "Content-Range": "which bytes, of how many"}),
+    200: body("*/*", "the file; its type is that of the list", headers=_WHOLE),
+    206: body("*/*", "a part of it", headers={**_WHOLE, "Content-Range": "which bytes, of how many"}),
     304: {"description": "it is the one that you have"},
 }
 
@@ -46,7 +53,12 @@ def get_files(id: IdHere, client: Client, service: ServiceHere) -> Response:
 
 
 @router.head("/files/{name}", include_in_schema=False)
-@router.get("/files/{name}", response_class=FileAnswer, responses={**_SENT, **wrong(401, 404, 409, 416)})
+@router.get(
+    "/files/{name}",
+    response_class=Response,
+    responses={**_SENT, **wrong(401, 404, 409, 416)},
+    openapi_extra=_ASKED,
+)
 def get_file(id: IdHere, name: Name, client: Client, service: ServiceHere) -> Response:
     """A file of a result, or a part of it."""
     file = _manifest(service, service.store.job(client, id)).file(name)
@@ -55,7 +67,9 @@ def get_file(id: IdHere, name: Name, client: Client, service: ServiceHere) -> Re
 
 
 @router.head("/inputs/{name}", include_in_schema=False)
-@router.get("/inputs/{name}", response_class=FileAnswer, responses={**_SENT, **wrong(401, 404, 416)})
+@router.get(
+    "/inputs/{name}", response_class=Response, responses={**_SENT, **wrong(401, 404, 416)}, openapi_extra=_ASKED
+)
 def get_input(id: IdHere, name: Name, client: Client, service: ServiceHere) -> Response:
     """A picture as it was sent."""
     for sent in service.store.job(client, id).inputs:

@@ -21,7 +21,7 @@ from stereo_gpu.service.accepting import (
 from stereo_gpu.service.asking import After, Client, IdHere, Limit, ServiceHere
 from stereo_gpu.service.events import MEDIA_TYPE, Streams
 from stereo_gpu.service.models import ID, JobPage, JobView
-from stereo_gpu.service.openapi import body, form, picture, pictures, text, wrong
+from stereo_gpu.service.openapi import BY, body, form, length, picture, pictures, text, wrong
 from stereo_gpu.service.problems import Problem
 from stereo_gpu.service.records import Job, Kind, State
 from stereo_gpu.service.refusals import NotFound
@@ -71,9 +71,9 @@ async def post_job(request: Request, client: Client, service: ServiceHere, idemp
         ["left", "right", "board", "square"],
         left=pictures("the left camera's pictures of the board", MOST_BOARDS),
         right=pictures("the right camera's, in the same order", MOST_BOARDS),
-        board=text("squares as printed, columns x rows", LONGEST_WORD, examples=["10x7"]),
-        square={"type": "number", "exclusiveMinimum": 0, "description": "side of a square, mm"},
-        marker={"type": "number", "exclusiveMinimum": 0, "description": "side of a marker, mm, of a ChArUco board"},
+        board=text("squares as printed, columns x rows", LONGEST_WORD, pattern=BY, examples=["10x7"]),
+        square=length("side of a square, mm"),
+        marker=length("side of a marker, mm, of a ChArUco board"),
         dictionary=text("of the markers", LONGEST_WORD, examples=["5x5_250"]),
         label=text("what you call it, and the rig", LONGEST_LABEL),
     ),

@@ -7,15 +7,17 @@ from typing import Any
 from anyio.to_thread import run_sync
 from fastapi import APIRouter, Request, Response
 
+from stereo_gpu.service.accepting import LONGEST_LABEL
 from stereo_gpu.service.asking import After, Client, IdHere, Limit, ServiceHere
 from stereo_gpu.service.models import RigPage, RigView
-from stereo_gpu.service.openapi import form, pictures, text, wrong
+from stereo_gpu.service.openapi import BY, form, pictures, text, wrong
 from stereo_gpu.service.records import RigRecord
 from stereo_gpu.service.refusals import NotFound
-from stereo_gpu.service.rig_upload import LONGEST_NAME, RIG_FORM, accept_rig
+from stereo_gpu.service.rig_upload import RIG_FORM, accept_rig
 from stereo_gpu.service.service import Service
 from stereo_gpu.service.uploads import receive_form
 from stereo_gpu.service.views import next_page, view_rig
+from stereo_gpu.types import METRES_PER_UNIT
 
 router = APIRouter(prefix="/v1", tags=["rigs"])
 
@@ -31,9 +33,11 @@ router = APIRouter(prefix="/v1", tags=["rigs"])
     openapi_extra=form(
         ["file"],
         file=pictures("rig.json, or OpenCV's, ROS's, Matlab's, KITTI's or Middlebury's calibration", 2, of="a file"),
-        name=text("what you call it", LONGEST_NAME),
-        size=text("width x height of the pictures, px, where the file does not say", 40, examples=["640x480"]),
-        unit=text("of its lengths: mm, cm, m or in", 8, examples=["mm"]),
+        name=text("what you call it", LONGEST_LABEL),
+        size=text(
+            "width x height of the pictures, px, where the file does not say", 40, pattern=BY, examples=["640x480"]
+        ),
+        unit=text("of its lengths", 8, enum=list(METRES_PER_UNIT)),
     ),
 )
 async def post_rig(request: Request, client: Client, service: ServiceHere) -> Response:
