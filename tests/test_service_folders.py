@@ -177,6 +177,8 @@ def test_a_result_takes_its_place_in_one_step(folders):
     made = make_attempt(folders, 2, b"second")
     assert folders.manifest(ID) is None
     published = folders.publish(ID, 2)
+    result = len(b"second{}") + (folders.result(ID) / "manifest.json").stat().st_size
+    assert folders.bytes(ID) == len(b"picture") + result and folders.bytes(OTHER) == 0
     assert published == folders.manifest(ID) and published.file("model.glb").bytes == 6
     assert not made.exists() and sorted(part.name for part in folders.job(ID).iterdir()) == ["inputs", "result"]
     make_attempt(folders, 3, b"third")

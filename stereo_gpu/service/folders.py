@@ -148,6 +148,15 @@ class Folders:
         """What is in a job's result; None where there is none, or where it is not whole."""
         return read_manifest(self.result(id))
 
+    def bytes(self, id: str) -> int:
+        """What all files of a job take: inputs, result and steps."""
+        total = 0
+        for folder, _, names in os.walk(self.job(id)):
+            for name in names:
+                with suppress(FileNotFoundError):  # a try that nobody waits for may be going away
+                    total += Path(folder, name).stat().st_size
+        return total
+
     def clear(self, id: str) -> None:
         """Remove what tries of a job have left, when none is under way."""
         for part in _parts(self.job(id)):

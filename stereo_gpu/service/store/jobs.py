@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Sequence
 
 from stereo_gpu.service.records import Job, Kind, State
@@ -65,23 +64,22 @@ class Jobs(Part):
 
         Clients take turns: before the third job of one go its first two, and up to three of each other one.
         """
-        with self._database.read() as tables:
-            query = "SELECT client, number FROM jobs WHERE state = 'queued' ORDER BY client, number"
-            waiting: dict[str, list[int]] = {}
-            for client, number in tables.execute(query):
-                waiting.setdefault(client, []).append(number)
-            turn = dict(tables.execute("SELECT name, turn FROM clients").fetchall())
         places = {}
-        for job in jobs:
-            own = waiting.get(job.client, [])
-            ahead = bisect_left(own, job.order)
-            if own[ahead : ahead + 1] == [job.order]:
+        with self._database.read() as tables:
+            query = "SELECT client, count(*) FROM jobs WHERE state = 'queued' GROUP BY client"
+            waiting = dict(tables.execute(query).fetchall())
+            turn = dict(tables.execute("SELECT name, turn FROM clients").fetchall())
+            for job in jobs:
+                query = "SELECT count(*), max(number) FROM jobs WHERE state = 'queued' AND client = ? AND number <= ?"
+                count, last = tables.execute(query, (job.client, job.order)).fetchone()
+                if last != job.order:
+                    continue
                 others = (
-                    min(len(theirs), ahead + ((turn[client], client) < (turn[job.client], job.client)))
+                    min(theirs, count - 1 + ((turn[client], client) < (turn[job.client], job.client)))
                     for client, theirs in waiting.items()
                     if client != job.client
                 )
-                places[job.id] = ahead + sum(others)
+                places[job.id] = count - 1 + sum(others)
         return places
 
     def delete(self, client: str, id: str) -> None:
