@@ -188,7 +188,7 @@ def test_one_that_cannot_get_ready_says_so(opened):
     executor.start()
     for answer in [taken(executor.submit((number,))) for number in range(2)]:
         assert isinstance(answer.error, WorkerError) and "RuntimeError: no device is left" in str(answer.error)
-        assert "\n" not in str(answer.error)
+        assert "\n" not in str(answer.error) and answer.worker is None
     assert not any(worker.warm for worker in executor.workers())
 
 

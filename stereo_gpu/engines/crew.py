@@ -7,6 +7,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, Protocol
 
 from stereo_gpu.engines.call import failure
@@ -207,7 +208,8 @@ class Crew:
                 submitted.job, submitted.limits, submitted.tell, lambda: submitted.begin(number)
             )
         except Exception as fault:
-            answer = Answer(result=None, error=failure(fault), seconds=0.0, worker=number)
+            answer = Answer(result=None, error=failure(fault), seconds=0.0)
+        answer = replace(answer, worker=number if submitted.begun else None)
         with self._changed:
             del self._under_way[number]
             if isinstance(answer.error, WorkerError | CancelledError):

@@ -20,6 +20,10 @@ class Submitted:
     Args:
         job, limits: as submitted.
         began, tell: of the caller; if they fail, that is logged and nothing else.
+
+    Attributes:
+        answer: as `executor.Running` says.
+        begun: whether a warm worker has it, or had it.
     """
 
     def __init__(
@@ -27,6 +31,7 @@ class Submitted:
     ) -> None:
         self.job, self.limits = job, limits
         self.answer: Future[Answer] = Future()
+        self.begun = False
         self.answer.set_running_or_notify_cancel()  # it is stopped by `cancel` here, never by the future's own
         self._began, self._tell = began, tell
         self._stop: Callable[[], None] | None = None
@@ -55,6 +60,7 @@ class Submitted:
         """
         if self._cancelled:
             raise cancelled()
+        self.begun = True
         if self._began is not None:
             try:
                 self._began(worker)
