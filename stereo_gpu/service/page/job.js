@@ -27,8 +27,9 @@ export function show(main, { id, signal }) {
   const cancel = button("Cancel", () => act("cancel", "POST", "/cancel"));
   const restart = button("Start again", () => act("start again", "POST", "/restart"));
   const remove = button("Delete", () => confirm("Delete this job with its pictures and its result?") && act("delete", "DELETE", ""));
+  const other = make("a", { class: "button", href: `#/new?from=${id}`, hidden: true }, "Same pair, other options");
   main.append(
-    make("div", { class: "head" }, title, state, make("p", { class: "buttons" }, cancel, restart, remove)),
+    make("div", { class: "head" }, title, state, make("p", { class: "buttons" }, cancel, restart, other, remove)),
     refused, make("section", { class: "card" }, told, bar, failed), warnings, result, stepsPart,
     make("div", { class: "two" },
       make("section", {}, make("h2", {}, "Stages"), make("div", { class: "card" }, stages.element)),
@@ -44,6 +45,7 @@ export function show(main, { id, signal }) {
     cancel.hidden = !["queued", "running"].includes(job.state);
     restart.hidden = !["failed", "cancelled"].includes(job.state);
     remove.hidden = !cancel.hidden;
+    other.hidden = remove.hidden || job.kind !== "reconstruction";
     bar.hidden = job.state !== "running";
     bar.value = job.fraction ?? 0;
     say(told, words(job));

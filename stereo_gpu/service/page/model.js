@@ -1,23 +1,25 @@
 // The model to turn: three.js r140 with GLTFLoader and TrackballControls, as trimesh brings them (/page/three.js).
 
-import { getBlob } from "./api.js";
+import { getBlob, Lost, persist, send } from "./api.js";
 import { button, make, say } from "./dom.js";
 import { picture } from "./pictures.js";
 import { openStage } from "./model_stage.js";
 
-let library = null;
+const LIBRARY = "/page/three.js";
 
 /** The library, loaded once; throws where it is not to be had. */
-function loadThree() {
-  library ??= new Promise((resolve, reject) => {
-    const gone = () => {
-      library = null;
-      reject(new Error("the viewer could not be loaded"));
-    };
-    const script = make("script", { src: "/page/three.js", load: () => (window.THREE ? resolve(window.THREE) : gone()), error: gone });
-    document.head.append(script);
-  });
-  return library;
+async function loadThree(signal) {
+  if (!window.THREE) await persist(() => runScript(signal), signal);
+  if (!window.THREE) throw new Error("the viewer could not be loaded");
+  return window.THREE;
+}
+
+async function runScript(signal) {
+  const loaded = await new Promise((resolve) =>
+    document.head.append(make("script", { src: LIBRARY, load: () => resolve(true), error: () => resolve(false) })));
+  if (loaded) return;
+  await send(LIBRARY, { method: "HEAD", signal }); // throws what was wrong: refused for good, or lost for now
+  throw new Lost("the viewer could not be loaded");
 }
 
 /** A frame that shows a GLB to turn, or where that cannot be done its picture. */
@@ -28,7 +30,7 @@ export function modelViewer(path, job, signal) {
   const element = make("section", { class: "model" }, make("h2", { class: "unseen" }, "Model"), box, make("div", { class: "below" }, bar, told));
   (async () => {
     try {
-      const [three, blob] = await Promise.all([loadThree(), getBlob(path, signal)]);
+      const [three, blob] = await Promise.all([loadThree(signal), getBlob(path, signal)]);
       const stage = await openStage(three, box, await blob.arrayBuffer(), signal);
       const shows = [["photo", "Texture"], ["clay", "Shape"], ["wire", "Wires"]].map(([how, text]) => {
         const press = button(text, () => {

@@ -1,6 +1,6 @@
 // A new model: two pictures, a rig, what is wanted of them, options; then the job.
 
-import { body, newKey, persist, send } from "./api.js";
+import { body, getBlob, getJson, newKey, persist, send } from "./api.js";
 import { alertLine, button, field, make, say } from "./dom.js";
 import { openOutline } from "./outline.js";
 import { optionFields } from "./options.js";
@@ -14,7 +14,7 @@ let form = null; // is kept while other views are shown: a calibration in betwee
 export function show(main, { query, signal }) {
   form ??= build();
   main.append(form.element);
-  form.load(signal, query.get("rig") ?? undefined);
+  form.load(signal, query.get("rig") ?? undefined, query.get("from"));
   return "New model";
 }
 
@@ -123,16 +123,28 @@ function build() {
     told, busy,
     make("p", { class: "buttons" }, start));
 
-  async function load(signal, rig) {
-    changedUnlessPainting();
+  /** Bring the rigs up to date; choose one, or the pair and the rig of an earlier job. */
+  async function load(signal, rig, from) {
+    say(told, "");
     try {
+      if (from) rig = await fetchPair(from, signal);
       await rigs.load(signal, rig);
     } catch (error) {
       if (!signal.aborted) say(told, error.message);
     }
   }
-  function changedUnlessPainting() {
-    if (!painting) changed();
+
+  async function fetchPair(id, signal) {
+    const job = await getJson(`/v1/jobs/${encodeURIComponent(id)}`, signal);
+    const fetched = ["left", "right"].map(async (side) => {
+      const input = job.inputs.find(({ name }) => name.startsWith(`${side}.`));
+      const blob = await getBlob(input.href, signal);
+      return new File([blob], input.given || input.name, { type: blob.type, lastModified: Date.parse(job.created) });
+    });
+    const [left, right] = await Promise.all(fetched);
+    pair.set({ left, right });
+    label.value = job.label;
+    return job.rig;
   }
   return { element, load };
 }

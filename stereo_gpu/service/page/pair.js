@@ -7,7 +7,7 @@ import { bytesWords } from "./words.js";
 export const FORMATS = ".png,.jpg,.jpeg,.webp,.tif,.tiff,.bmp,.pgm,.ppm,.pnm,image/png,image/jpeg,image/webp";
 const SIDES = ["left", "right"];
 
-/** An element to choose a pair in; `changed()` is called when it has changed, and `files` holds the two or null. */
+/** An element to choose a pair in; `changed()` is called when it has changed, and `files` holds the two or null, and `set` changes them. */
 export function pairChooser(changed) {
   const files = { left: null, right: null };
   const slots = Object.fromEntries(SIDES.map((side) => [side, slot(side, (file) => set({ [side]: file }))]));
@@ -25,7 +25,7 @@ export function pairChooser(changed) {
     else set(inOrder(dropped));
   });
   swap.disabled = true;
-  return { element: make("div", {}, element, make("p", { class: "buttons" }, swap)), files };
+  return { element: make("div", {}, element, make("p", { class: "buttons" }, swap)), files, set };
 }
 
 /** Which of several dropped files is the left one: by what their names say, else by their order. */

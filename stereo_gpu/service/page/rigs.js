@@ -46,7 +46,8 @@ export function rigPicker(changed) {
     const none = rigs.length ? "Choose a rig" : "There is none yet: send one, or make one";
     list.replaceChildren(make("option", { value: "" }, none), ...rigs.map((rig) => make("option", { value: rig.id }, words(rig))));
     const chosen = rigs.find((rig) => rig.id === wanted) ?? (rigs.length === 1 ? rigs[0] : null);
-    if ((chosen?.id ?? "") !== state.id || list.value !== state.id) choose(chosen?.id ?? "");
+    if ((chosen?.id ?? "") !== state.id) choose(chosen?.id ?? "");
+    else list.value = state.id; // the same one: what was painted with it stays
   }
 
   async function upload() {

@@ -23,7 +23,7 @@ export function stageList() {
       const { item, seconds } = rows.get(name);
       const taken = job.seconds?.[name];
       const running = job.state === "running" && index === at;
-      item.dataset.at = running ? "now" : taken !== undefined || job.state === "done" ? "done" : "later";
+      item.dataset.at = job.state === "failed" && index === at ? "bad" : running ? "now" : taken !== undefined || job.state === "done" ? "done" : "later";
       if (running) item.setAttribute("aria-current", "step");
       else item.removeAttribute("aria-current");
       seconds.textContent = taken === undefined ? "" : secondsWords(taken);
