@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,6 @@ from stereo_gpu.service.folders import Folders
 from stereo_gpu.service.order import WorkOrder
 from stereo_gpu.service.outcome import Outcome
 from stereo_gpu.service.rig_summary import summarise
-from stereo_gpu.timing import Stopwatch
 
 
 def calibrate_job(order: WorkOrder, folders: Folders, tell: Tell) -> Outcome:
@@ -33,18 +33,18 @@ def calibrate_job(order: WorkOrder, folders: Folders, tell: Tell) -> Outcome:
     board = choose_board(options["board"], options["square"], options.get("marker"), options.get("dictionary"))
     inputs = folders.inputs(order.job)
     left, right = (sorted(inputs / name for name in order.inputs if name.startswith(side)) for side in SIDES)
-    watch = Stopwatch()
-    with watch.step("find"):
-        calibration = calibrate_in_full(left, right, board, progress=_Searching(tell))
+    watch = _Watch(tell)
+    watch.begin("find")
+    calibration = calibrate_in_full(left, right, board, progress=watch.searched)
     folder = folders.attempt(order.job, order.number)
     folder.mkdir(mode=0o700)
-    tell("report")
-    with watch.step("report"):
-        calibration.rig.save(folder / "rig.json")
-        write_calibration_report(calibration, folder / "report.html")
-        for name, drawing in _drawings(calibration):
-            write_whole(folder / name, stand_alone(drawing))
+    watch.begin("report")
+    calibration.rig.save(folder / "rig.json")
+    write_calibration_report(calibration, folder / "report.html")
+    for name, drawing in _drawings(calibration):
+        write_whole(folder / name, stand_alone(drawing))
     told = _told(calibration)
+    watch.end()
     outcome = Outcome(
         summary={name: told[name] for name in ("pairs", "used", "coverage", "rig")},
         warnings=calibration.advice,
@@ -90,12 +90,25 @@ def _told(calibration: Calibration) -> dict[str, Any]:
     }
 
 
-class _Searching:
-    """Turns how many pictures have been searched into stages."""
+class _Watch:
+    """Tells the stages, and how many pictures have been searched, and keeps the seconds."""
 
     def __init__(self, tell: Tell) -> None:
+        self.seconds: dict[str, float] = {}
         self._tell = tell
-        tell("find")
+        self._stage, self._began = "", 0.0
 
-    def __call__(self, done: int, total: int) -> None:
-        self._tell("fit" if done == total else f"find:{done / total:.3f}")
+    def begin(self, stage: str) -> None:
+        self.end()
+        self._stage, self._began = stage, time.perf_counter()
+        self._tell(stage)
+
+    def end(self) -> None:
+        if self._stage:
+            self.seconds[self._stage] = time.perf_counter() - self._began
+
+    def searched(self, done: int, total: int) -> None:
+        if done == total:
+            self.begin("fit")
+        else:
+            self._tell(f"find:{done / total:.3f}")

@@ -200,7 +200,10 @@ class Dispatcher:
         leases = self._store.lease(self.owner, free, self._settings.lease_seconds)
         for lease in leases:
             entry = Entry(lease)
-            self._under_way.add(entry)
+            older = self._under_way.add(entry)
+            if older is not None:  # its lease ran out, where the table could not be reached for long
+                older.taken = True
+                older.stop()
             self._live.begin(entry.id, lease.job.kind)
             try:
                 self._begin(entry)

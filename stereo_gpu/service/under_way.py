@@ -52,10 +52,12 @@ class UnderWay:
     def __len__(self) -> int:
         return len(self._entries)
 
-    def add(self, entry: Entry) -> None:
-        """Take one in; an older one of the same job, whose lease was lost, is forgotten."""
+    def add(self, entry: Entry) -> Entry | None:
+        """Take one in; returns an older one of the same job, whose lease was lost: it is forgotten here."""
         with self._lock:
+            older = self._entries.get(entry.id)
             self._entries[entry.id] = entry
+            return older
 
     def get(self, job: str) -> Entry | None:
         """The entry of a job."""
