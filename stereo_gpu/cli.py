@@ -26,6 +26,7 @@ from stereo_gpu.commands import (
     reconstruct,
     rectify,
     render,
+    serve,
 )
 from stereo_gpu.errors import InputError, StereoError
 from stereo_gpu.progress import CLEAR_LINE
@@ -41,6 +42,7 @@ COMMANDS = (
     match,
     reconstruct,
     batch,
+    serve,
     render,
     devices,
     doctor,
