@@ -251,3 +251,58 @@ def test_the_sweep_takes_what_nobody_knows_and_is_old(folders):
     assert [part.name for part in sorted(folders.job(known).iterdir())] == ["inputs"]
     assert [part.name for part in sorted(folders.job(busy).iterdir())] == ["inputs", "try-1.part", "try-2.part"]
     assert fresh.exists() and not (rig.exists() or upload.exists() or view.exists())
+
+
+MOVER = """
+import itertools, sys
+from pathlib import Path
+from stereo_gpu.service.folders import Folders
+
+folders = Folders(sys.argv[1])
+for number in itertools.count(int(sys.argv[2])):
+    id = f"{number:032x}"
+    upload = folders.new_upload()
+    for name in ("left.png", "right.png"):
+        (upload / name).write_bytes(bytes(5000))
+    folders.accept(upload, id)
+    print(number, flush=True)
+    for attempt in (1, 2):
+        folder = folders.attempt(id, attempt)
+        folder.mkdir()
+        (folder / "model.glb").write_bytes(bytes(20_000 + attempt))
+        folders.seal(folder)
+    folders.publish(id, 2)
+    print(number, "published", flush=True)
+    if number % 3 == 0:
+        folders.remove_job(id)
+"""
+
+
+def test_whatever_is_killed_nobody_sees_half_of_anything(folders):
+    first = 0
+    for kill_after in (1, 2, 5, 12, 24, 31):
+        command = [sys.executable, "-c", MOVER, str(folders.root), str(first)]
+        with subprocess.Popen(command, stdout=subprocess.PIPE) as mover:
+            try:
+                lines = [mover.stdout.readline() for _ in range(kill_after)]
+            finally:
+                mover.kill()
+            lines += mover.stdout.readlines()
+        assert mover.returncode == -signal.SIGKILL, "it ended by itself"
+        told = [line.decode().split() for line in lines]
+        published = {int(words[0]) for words in told if len(words) == 2}
+        for number in {int(words[0]) for words in told}:
+            id = f"{number:032x}"
+            if number in published and number % 3 == 0:
+                continue  # it was about to be removed
+            assert sorted(file.stat().st_size for file in folders.inputs(id).iterdir()) == [5000, 5000]
+            assert folders.manifest(id) is not None or number not in published
+        for job in folders.jobs.iterdir():
+            inputs, result = job / "inputs", job / "result"
+            assert not inputs.exists() or len(list(inputs.iterdir())) == 2
+            assert not result.exists() or read_manifest(result).file("model.glb").bytes == 20_002
+        first = max(first, *(int(path.name, 16) for path in folders.jobs.iterdir()), *published) + 1
+    known = {path.name for path in folders.jobs.iterdir() if folders.manifest(path.name)}
+    folders.sweep(known, time.time() + 5)
+    assert list(folders.uploads.iterdir()) == [] and {path.name for path in folders.jobs.iterdir()} == known
+    assert all(sorted(part.name for part in folders.job(id).iterdir()) == ["inputs", "result"] for id in known)

@@ -192,7 +192,8 @@ class Folders:
             if _ID.fullmatch(part.name) and part.name not in known:
                 unwanted.append(part)
         for id in set(known) - set(busy):
-            unwanted += [part for part in _parts(self.job(id)) if _TRY.fullmatch(part.name)]
+            # There may be a hundred thousand of them: no path is made where there is nothing to remove.
+            unwanted += [self.job(id) / name for name in _names(self.job(id)) if _TRY.fullmatch(name)]
         gone = 0
         for part in unwanted:
             with suppress(OSError, StoreError):  # it may have gone by itself; what stays is swept the next time
@@ -270,11 +271,16 @@ def _checked(id: str) -> str:
     return id
 
 
-def _parts(folder: Path) -> list[Path]:
+def _names(folder: Path) -> list[str]:
     try:
-        return sorted(folder.iterdir())
+        with os.scandir(folder) as parts:
+            return [part.name for part in parts]
     except OSError:
         return []
+
+
+def _parts(folder: Path) -> list[Path]:
+    return [folder / name for name in _names(folder)]
 
 
 @contextmanager
