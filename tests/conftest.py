@@ -96,6 +96,48 @@ def served(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
+def browser(served):
+    """A headless Chromium."""
+    from browsing import chromium
+
+    with chromium() as one:
+        yield one
+
+
+@pytest.fixture
+def visit(browser, served):
+    """Opens the service's page, a `browsing.Visit`; at the end nothing may have gone wrong in its console."""
+    from browsing import Visit
+
+    opened = []
+
+    def open_page(token=None, **options):
+        opened.append(Visit(browser, served, token, **options))
+        return opened[-1]
+
+    yield open_page
+    for each in opened:
+        each.close()
+    assert [line for each in opened for line in each.wrong] == []
+
+
+@pytest.fixture(scope="module")
+def owner(served):
+    """An httpx client of the service with its first token."""
+    with served.client() as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def done(owner, raw_folder):
+    """A job of the owner, called cup, that has ended well, with pictures of its steps."""
+    from serving import FAST, add_rig, post_pair, wait_for
+
+    job = post_pair(owner, raw_folder, add_rig(owner, raw_folder), {**FAST, "steps": True}, label="cup").json()
+    return wait_for(owner, job["id"])
+
+
+@pytest.fixture(scope="module")
 def ray_cluster():
     """A Ray cluster of this machine alone, which all executors of a module share: each would start one of its own."""
     if importlib.util.find_spec("ray") is None:
