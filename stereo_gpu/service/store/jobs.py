@@ -111,6 +111,12 @@ class Jobs(Part):
             query = "SELECT coalesce(sum(bytes), 0) FROM jobs WHERE ended IS NOT NULL"
             return int(tables.execute(query).fetchone()[0])
 
+    def every_job(self, *, after: int = 0, limit: int = 1000) -> list[Job]:
+        """Jobs of all clients, oldest first: up to `limit` of those whose `order` is larger than `after`."""
+        with self._database.read() as tables:
+            query = "SELECT * FROM jobs WHERE number > ? ORDER BY number LIMIT ?"
+            return [job_of(row) for row in tables.execute(query, (after, limit))]
+
     def known(self) -> set[str]:
         """The ids of all jobs and rigs: folders of others may be swept."""
         with self._database.read() as tables:

@@ -32,6 +32,11 @@ class Rigs(Part):
             ).fetchall()
         return [rig_of(row) for row in rows]
 
+    def every_rig(self) -> list[RigRecord]:
+        """The rigs of all clients, oldest first."""
+        with self._database.read() as tables:
+            return [rig_of(row) for row in tables.execute("SELECT * FROM rigs ORDER BY number")]
+
     def delete_rig(self, client: str, id: str) -> bool:
         """Forget a rig; whether there was one. Jobs that have ended keep its id.
 
