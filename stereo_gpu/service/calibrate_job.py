@@ -41,8 +41,8 @@ def calibrate_job(order: WorkOrder, folders: Folders, tell: Tell) -> Outcome:
     watch.begin("report")
     calibration.rig.save(folder / "rig.json")
     write_calibration_report(calibration, folder / "report.html")
-    for name, drawing in _drawings(calibration):
-        write_whole(folder / name, stand_alone(drawing))
+    for kind, side, drawing in _drawings(calibration):
+        write_whole(folder / f"{kind}-{side}.svg", stand_alone(drawing))
     told = _told(calibration)
     watch.end()
     outcome = Outcome(
@@ -56,13 +56,19 @@ def calibrate_job(order: WorkOrder, folders: Folders, tell: Tell) -> Outcome:
     return outcome
 
 
-def _drawings(calibration: Calibration) -> Iterator[tuple[str, str]]:
+def _drawings(calibration: Calibration) -> Iterator[tuple[str, str, str]]:
+    """Kind, camera and drawing of each picture; those without corners enough are left out."""
     coverages = measure_coverage(calibration)
-    for side, (name, camera) in enumerate(zip(SIDES, (calibration.rig.left, calibration.rig.right), strict=True)):
-        yield f"coverage-{name}.svg", draw_coverage(calibration, side, coverages)[0]
-        arrows, _ = draw_field(pooled_residuals(calibration, side), camera.size, name)
-        if arrows:  # no part of the picture may have corners enough
-            yield f"arrows-{name}.svg", arrows
+    for side, name in enumerate(SIDES):
+        yield "coverage", name, draw_coverage(calibration, side, coverages)[0]
+        arrows, _ = _arrows(calibration, side)
+        if arrows:
+            yield "arrows", name, arrows
+
+
+def _arrows(calibration: Calibration, side: int) -> tuple[str, str]:
+    camera = (calibration.rig.left, calibration.rig.right)[side]
+    return draw_field(pooled_residuals(calibration, side), camera.size, SIDES[side])
 
 
 def _told(calibration: Calibration) -> dict[str, Any]:
@@ -73,6 +79,7 @@ def _told(calibration: Calibration) -> dict[str, Any]:
         "pairs": len(rig.views),
         "used": sum(view.used for view in rig.views),
         "coverage": {name: round(coverage.share, 4) for name, coverage in zip(SIDES, coverages, strict=True)},
+        "arrows": {name: _arrows(calibration, side)[1] for side, name in enumerate(SIDES)},
         "advice": list(calibration.advice),
         "depth": None if calibration.depth is None else dict(zip(("at", "deviation"), calibration.depth, strict=True)),
         "views": [
