@@ -1,5 +1,6 @@
 """A headless Chromium for the tests of the service's page; what goes wrong in its console fails the test."""
 
+import base64
 import time
 from contextlib import contextmanager
 
@@ -103,6 +104,17 @@ class Visit:
             else:
                 self.page.get_by_label("Or send the file of one").set_input_files(folder / "rig.json")
         self.until("document.querySelector('select').value !== ''")
+
+    def drop(self, *files):
+        """Drop files on the place for the pair."""
+        given = [[file.name, base64.b64encode(file.read_bytes()).decode()] for file in files]
+        dropped = self.page.evaluate_handle(
+            "(given) => given.reduce((all, [name, data]) => {"
+            " const bytes = Uint8Array.from(atob(data), (letter) => letter.charCodeAt(0));"
+            " all.items.add(new File([bytes], name)); return all; }, new DataTransfer())",
+            given,
+        )
+        self.page.locator(".pair").dispatch_event("drop", {"dataTransfer": dropped})
 
     def fast(self):
         """Options that take little time at 320 x 240."""

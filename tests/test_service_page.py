@@ -51,10 +51,14 @@ def test_a_job_is_cancelled_started_again_and_deleted(visit, owner, raw_folder, 
     for _ in range(3):  # it waits behind these
         busy = post_pair(owner, raw_folder, done["rig"], {"profile": "precise", "files": "all"}).json()
     here = visit()
-    here.fill(raw_folder)
+    page = here.page
+    here.drop(raw_folder / "right.png", raw_folder / "left.png")
+    shown = [slot.text_content() for slot in page.locator(".slot .name").all()]
+    assert shown[0].startswith("left.png, ") and shown[1].startswith("right.png, "), "names do not tell the sides"
+    here.until("document.querySelector('select').options.length > 1")
+    page.get_by_label("Rig", exact=True).select_option(done["rig"])
     here.fast()
     job = here.start()
-    page = here.page
     page.get_by_role("button", name="Cancel").click()
     here.wait_for_state("cancelled")
     assert owner.get(f"/v1/jobs/{job}").json()["state"] == "cancelled"

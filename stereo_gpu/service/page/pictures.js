@@ -16,6 +16,7 @@ export function picture(path, alt, signal, { lazy = false } = {}) {
       show(image, await getBlob(path, signal), signal);
     } catch (error) {
       if (signal.aborted) return;
+      image.classList.add("failed");
       image.alt = error instanceof Refused ? `${alt}: ${error.message}` : alt;
     }
   })();
