@@ -73,14 +73,18 @@ class Crew:
         self._free: set[int] = set()  # that are warm and without one, or will be in a moment
         self._under_way: dict[int, Submitted] = {}
         self._again = [0.0] * self.slots  # when one that could not be warmed is tried again
-        self._kept_warm = self._closed = False
-        self._changed = threading.Condition()
+        self._begun = self._kept_warm = self._closed = False
+        self._changing = threading.Lock()
+        # A bell each, so that a job wakes one of a thousand threads rather than all.
+        self._bells = [threading.Condition(self._changing) for _ in range(self.slots)]
+        self._asleep: dict[int, None] = {}  # in order: the last one that fell asleep is woken first
 
     def start(self) -> None:
         """Start and warm all workers; returns at once."""
-        with self._changed:
+        with self._changing:
             self._kept_warm = True
-            self._wake()
+            self._begin()
+            self._wake(list(self._asleep))
 
     def submit(
         self,
@@ -96,11 +100,12 @@ class Crew:
             StereoError: it was closed.
         """
         submitted = Submitted(job, limits, began, tell)
-        with self._changed:
+        with self._changing:
             if self._closed:
                 raise StereoError("the workers have been stopped: open others")
             self._waiting.append(submitted)
-            self._wake()
+            self._begin()
+            self._wake_for_waiting()
         return submitted
 
     def workers(self) -> list[WorkerState]:
@@ -109,11 +114,11 @@ class Crew:
 
     def close(self, grace_s: float = GRACE_S) -> None:
         """End all workers, and cancel what has no answer then; it may be called twice, and by a callback."""
-        with self._changed:
+        with self._changing:
             self._closed = True
             dropped = list(self._waiting)
             self._waiting.clear()
-            self._changed.notify_all()
+            self._wake(list(self._asleep))
         for submitted in dropped:
             submitted.cancel()
         end = time.monotonic() + grace_s
@@ -125,35 +130,62 @@ class Crew:
             if thread.ident is None or thread is threading.current_thread():
                 continue
             thread.join(LAST_S)
-            with self._changed:
+            with self._changing:
                 left = self._under_way.get(number)
             if left is not None:
                 left.fail(CancelledError("stopped before it was done"))
 
-    def _wake(self) -> None:
-        for thread in self._threads:
-            if thread.ident is None and not self._closed:
+    def _begin(self) -> None:
+        if not self._begun and not self._closed:
+            self._begun = True
+            for thread in self._threads:
                 thread.start()
-        self._changed.notify_all()
+
+    def _wake_for_waiting(self) -> None:
+        """Wake as many as the line needs: warm ones first."""
+        if not self._waiting or not self._asleep:
+            return
+        asleep = list(reversed(self._asleep))
+        warm = [number for number in asleep if number in self._warm]
+        self._wake(warm[: len(self._waiting)])
+        short = len(self._waiting) - len(self._free)
+        if short > 0:
+            self._wake([number for number in asleep if number not in self._warm and self._may_go(number)][:short])
+
+    def _wake(self, numbers: list[int]) -> None:
+        for number in numbers:
+            self._asleep.pop(number, None)
+            self._bells[number].notify()
+
+    def _sleep(self, number: int) -> bool:
+        """Wait to be woken; false where nobody did for long."""
+        self._asleep[number] = None
+        woken = self._bells[number].wait(AGAIN_S)
+        self._asleep.pop(number, None)
+        return woken
 
     def _serve(self, number: int) -> None:
         """What the thread of a worker does until the end."""
         while True:
-            with self._changed:
-                while not (self._closed or self._may_go(number)):
-                    if not self._changed.wait(AGAIN_S):
-                        self._notice_death(number)
+            submitted, woken = None, True
+            with self._changing:
+                goes = self._may_go(number)
+                if not (goes or self._closed):
+                    woken = self._sleep(number)
                 if self._closed:
                     return
-                self._free.add(number)
-                submitted = self._take() if number in self._warm else None
+                if goes:
+                    self._free.add(number)
+                    submitted = self._take() if number in self._warm else None
                 if submitted is not None:
                     self._free.discard(number)
                     self._under_way[number] = submitted
             if submitted is not None:
                 self._do(number, submitted)
-            elif number not in self._warm:
+            elif number not in self._warm and goes:
                 self._get_warm(number)
+            elif not woken:
+                self._notice_death(number)
 
     def _may_go(self, number: int) -> bool:
         """Whether a worker has something to do: a job to take, or to get warm for one."""
@@ -173,7 +205,8 @@ class Crew:
 
     def _notice_death(self, number: int) -> None:
         if number in self._warm and not self._workers[number].state().warm:
-            self._lose(number)
+            with self._changing:
+                self._lose(number)
 
     def _lose(self, number: int) -> None:
         self._warm.discard(number)
@@ -187,7 +220,7 @@ class Crew:
             error = reason
         except Exception as fault:
             error = failure(fault)
-        with self._changed:
+        with self._changing:
             if error is None:
                 self._warm.add(number)
                 return
@@ -195,7 +228,7 @@ class Crew:
             self._again[number] = time.monotonic() + AGAIN_S
             alone = not (self._warm or self._free)
             failed = self._take() if alone else None
-            self._changed.notify_all()
+            self._wake_for_waiting()
         if not isinstance(error, CancelledError):
             logger.warning("worker %d cannot be made ready: %s", number, error)
         if failed is not None:
@@ -210,10 +243,11 @@ class Crew:
         except Exception as fault:
             answer = Answer(result=None, error=failure(fault), seconds=0.0)
         answer = replace(answer, worker=number if submitted.begun else None)
-        with self._changed:
+        with self._changing:
             del self._under_way[number]
             if isinstance(answer.error, WorkerError | CancelledError):
                 self._lose(number)
+                self._wake_for_waiting()
             else:
                 self._free.add(number)
         submitted.end(answer)

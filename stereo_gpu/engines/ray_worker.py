@@ -75,7 +75,7 @@ class RayWorker:
         import ray
 
         with self._changing:
-            self._busy, self._cancelled = True, False
+            self._busy = True
         try:
             sent = pickle.dumps(job, protocol=5)
             self.warm()
@@ -94,7 +94,7 @@ class RayWorker:
             answer = self._failed(StageError(f"cannot be sent to another process or back: {error}"))
         finally:
             with self._changing:
-                self._busy = False
+                self._busy = self._cancelled = False  # or the next call of `warm` would be taken for cancelled
                 self._serial += 1
         if isinstance(answer.error, WorkerError | CancelledError):
             self._warm = False
