@@ -4,7 +4,7 @@ import pytest
 
 from stereo_gpu.errors import InputError, PictureError
 from stereo_gpu.images import write_png
-from stereo_gpu.mask import mask_from_depth, mask_from_file, mask_from_rectangle
+from stereo_gpu.mask import Stroke, mask_from_depth, mask_from_file, mask_from_rectangle, mask_from_strokes
 
 
 def scene(scale=1, colour=True):
@@ -116,3 +116,92 @@ def test_ranges_that_are_none(ends):
 def test_depths_of_another_shape():
     with pytest.raises(InputError, match="depth has shape"):
         mask_from_depth(np.zeros((3, 3, 2), np.float32), 1, 2)
+
+
+def stroke(radius, *points):
+    return Stroke(radius=radius, points=points)
+
+
+BALL = [stroke(4, (70, 60), (90, 60))]
+GROUND = [stroke(4, (20, 20), (140, 20)), stroke(4, (20, 110), (140, 110))]
+
+
+@pytest.mark.parametrize("colour", [True, False], ids=["colour", "grey"])
+@pytest.mark.parametrize("scale", [1, 7])
+@pytest.mark.parametrize(
+    "marks",
+    [
+        {"wanted": BALL},
+        {"unwanted": GROUND},
+        {"wanted": BALL, "unwanted": GROUND},
+        {"rectangle": (42, 22, 76, 76), "wanted": BALL},
+        {"rectangle": (0, 0, 160, 120), "unwanted": GROUND},
+    ],
+    ids=lambda marks: "+".join(marks),
+)
+def test_strokes_find_the_ball(colour, scale, marks):
+    picture, truth = scene(scale, colour)
+    scaled = {
+        name: tuple(scale * value for value in mark)
+        if name == "rectangle"
+        else [stroke(scale * s.radius, *((scale * x, scale * y) for x, y in s.points)) for s in mark]
+        for name, mark in marks.items()
+    }
+    mask = mask_from_strokes(picture, **scaled)
+    assert mask.dtype == np.uint8 and set(np.unique(mask)) == {0, 1}
+    assert overlap(mask, truth) > 0.93
+    cv2.setRNGSeed(99)
+    np.testing.assert_array_equal(mask, mask_from_strokes(picture, **scaled))
+
+
+def test_strokes_are_law():
+    picture, _ = scene()
+    mask = mask_from_strokes(
+        picture,
+        rectangle=(42, 22, 76, 76),
+        wanted=[stroke(3, (10, 60), (150, 60)), stroke(0.5, (5, 5))],  # far beyond the ball, and outside the rectangle
+        unwanted=[stroke(5, (80, 20), (80, 100))],
+    )
+    assert mask[5, 5] == 1 and (mask[60, 10:74] == 1).all() and (mask[60, 87:150] == 1).all()
+    assert not mask[20:100, 76:85].any()  # unwanted wins
+    assert mask[59, 20] == 1 and mask[30, 5] == 0
+
+
+def test_without_a_rectangle_what_lies_apart_is_left_out():
+    picture, _ = scene()
+    both = np.concatenate([picture, picture], axis=1)
+    mask = mask_from_strokes(both, wanted=BALL)
+    assert mask[60, 80] == 1 and not mask[:, 160:].any()
+
+
+def test_a_rectangle_alone_is_that_of_the_other_function():
+    picture, _ = scene()
+    rectangle = (42, 22, 76, 76)
+    np.testing.assert_array_equal(
+        mask_from_strokes(picture, rectangle=rectangle, iterations=5), mask_from_rectangle(picture, rectangle)
+    )
+
+
+@pytest.mark.parametrize(
+    ("marks", "told"),
+    [
+        ({}, "nothing is marked"),
+        ({"rectangle": (0, 0, 160, 120), "wanted": BALL}, "leave no background"),
+        ({"rectangle": (42, 22, 76, 76), "unwanted": [stroke(160, (80, 60))]}, "leave nothing of the object"),
+        ({"wanted": [stroke(0, (3, 3))]}, "wanted: a stroke of radius 0"),
+        ({"wanted": [stroke(float("nan"), (3, 3))]}, "radius nan"),
+        ({"unwanted": [stroke(2, (3, float("inf")))]}, "finite points"),
+        ({"unwanted": [stroke(2)]}, "unwanted: a stroke"),
+        ({"wanted": [stroke(2, (1, 1))] * 2001}, "2001 strokes, the limit is 2000"),
+        ({"rectangle": (42, 22, 760, 76), "wanted": BALL}, "leaves the picture"),
+    ],
+)
+def test_marks_that_are_none(marks, told):
+    with pytest.raises(InputError, match=told):
+        mask_from_strokes(scene()[0], **marks)
+
+
+def test_strokes_that_leave_the_picture_are_cut_off():
+    picture, truth = scene()
+    far = [stroke(4, (70, 60), (90, 60)), stroke(3, (-1e12, -1e12))]
+    assert overlap(mask_from_strokes(picture, wanted=far, unwanted=GROUND), truth) > 0.93
