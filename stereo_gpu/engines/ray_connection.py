@@ -6,6 +6,7 @@ that is started here therefore has a token that nobody else knows, no dashboard,
 
 from __future__ import annotations
 
+import atexit
 import importlib.util
 import ipaddress
 import logging
@@ -130,14 +131,20 @@ class _Held:
         self._over, self._ready = threading.Event(), Future[str]()
         self._thread = threading.Thread(target=self._hold, name="stereo-gpu ray", daemon=True)
         self._thread.start()
+        atexit.register(self.end)
         try:
             self.dashboard = self._ready.result(CONNECT_S)
         except TimeoutError:
             self.end()
-            raise InputError(f"no Ray cluster answers at {options['address']}: see `ray status` there") from None
+            raise InputError(
+                f"no Ray cluster answers at {options['address']}: see that its head is meant, and `ray status` there"
+            ) from None
         except Exception as error:
             self.end()
-            raise InputError(f"Ray cluster {options['address']} cannot be used: {_first_line(error)}") from error
+            raise InputError(
+                f"Ray cluster {options['address']} cannot be used ({_first_line(error)}): see `ray status`, and that"
+                " RAY_AUTH_MODE and RAY_AUTH_TOKEN are the cluster's"
+            ) from error
 
     def _hold(self) -> None:
         import ray
@@ -155,6 +162,7 @@ class _Held:
             ray.shutdown()
 
     def end(self) -> None:
+        atexit.unregister(self.end)
         self._over.set()
         self._thread.join(END_S if self._ready.done() else 0.0)
         if self._folder is not None:
@@ -162,7 +170,9 @@ class _Held:
 
 
 def _import_ray() -> Any:
-    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # nothing is reported to anybody
+    # Read when it is loaded. Nothing is reported to anybody, and what fails is told once, by us.
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    os.environ.setdefault("RAY_BACKEND_LOG_LEVEL", "error")
     import ray
 
     return ray
