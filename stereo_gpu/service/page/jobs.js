@@ -30,7 +30,7 @@ export function show(main, { query, signal }) {
 
   function update({ items, next }) {
     say(failed, "");
-    say(told, items.length ? "" : query.size ? "No jobs here." : "No jobs yet.");
+    say(told, items.length ? "" : String(query) ? "No jobs here." : "No jobs yet.");
     for (const [id, card] of cards) {
       if (items.some((job) => job.id === id)) continue;
       card.leave();
@@ -74,7 +74,7 @@ export function show(main, { query, signal }) {
 
 function address(values) {
   const query = new URLSearchParams(Object.entries(values).filter(([, value]) => value));
-  return query.size ? `#/jobs?${query}` : "#/jobs";
+  return String(query) ? `#/jobs?${query}` : "#/jobs";
 }
 
 function newCard(first, signal) {

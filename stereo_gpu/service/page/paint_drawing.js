@@ -1,6 +1,7 @@
 // What the painter's canvas shows: the picture, what is left out of it darkened, the strokes, the hand.
 
-const COLOURS = { wanted: "rgb(60 220 120 / .55)", unwanted: "rgb(255 70 90 / .55)", line: "#ffd23f", shade: [8, 10, 16, 165] };
+const COLOURS = { wanted: "rgb(60 220 120 / .55)", unwanted: "rgb(255 70 90 / .55)", line: "#ffd23f" };
+const SHADE = 0xa5100a08, EDGE = 0xff3fd2ff; // dark and half clear; the line's yellow: alpha, blue, green, red
 
 /** A mask as the picture to lay over the view, with the share that is wanted. */
 export function maskPicture(bitmap, width, height) {
@@ -8,10 +9,10 @@ export function maskPicture(bitmap, width, height) {
   const context = surface.getContext("2d", { willReadFrequently: true });
   context.drawImage(bitmap, 0, 0, width, height);
   const image = context.getImageData(0, 0, width, height);
-  const data = image.data;
+  const pixels = new Uint32Array(image.data.buffer); // a whole pixel at once: there may be two million
   const inside = new Uint8Array(width * height);
   let count = 0;
-  for (let index = 0; index < inside.length; index++) count += inside[index] = data[4 * index] > 127 ? 1 : 0;
+  for (let index = 0; index < inside.length; index++) count += inside[index] = (pixels[index] & 255) > 127 ? 1 : 0;
   const reach = Math.max(1, Math.round(Math.max(width, height) / 500));
   for (let y = 0, index = 0; y < height; y++) {
     for (let x = 0; x < width; x++, index++) {
@@ -19,7 +20,7 @@ export function maskPicture(bitmap, width, height) {
       const edge = here && !(
         inside[y * width + Math.max(0, x - reach)] && inside[y * width + Math.min(width - 1, x + reach)]
         && inside[Math.max(0, y - reach) * width + x] && inside[Math.min(height - 1, y + reach) * width + x]);
-      data.set(edge ? [255, 210, 63, 255] : here ? [0, 0, 0, 0] : COLOURS.shade, 4 * index);
+      pixels[index] = edge ? EDGE : here ? 0 : SHADE;
     }
   }
   context.putImageData(image, 0, 0);
