@@ -11,8 +11,10 @@ import pytest
 import worker_tasks
 
 from stereo_gpu.engines import crew as crew_module
+from stereo_gpu.engines.crew import Crew
 from stereo_gpu.engines.executor import Limits, Work
 from stereo_gpu.engines.in_order import run_in_order
+from stereo_gpu.engines.inline import InlineWorker
 from stereo_gpu.engines.local import LocalExecutor
 
 SOON_S = 30.0
@@ -52,6 +54,28 @@ def test_jobs_that_wait_start_as_many_as_they_need(opened):
     jobs = [executor.submit((0.5, number)) for number in range(2)]
     assert len({job.answer.result(SOON_S).result[1] for job in jobs}) == 2
     assert sum(worker.warm for worker in executor.workers()) == 2
+
+
+def test_no_job_is_forgotten_by_many_workers():
+    """Sixteen workers that all wake one another; each is a thread here, so that it is quick."""
+    work = Work(task=worker_tasks.double)
+    before = set(threading.enumerate())
+    crew = Crew("threads", [InlineWorker(work) for _ in range(16)])
+    found = {}
+
+    def ask(first):
+        for start in range(first, first + 300, 30):
+            jobs = {value: crew.submit((value,)) for value in range(start, start + start % 29 + 1)}
+            found.update({value: job.answer.result(SOON_S).result for value, job in jobs.items()})
+
+    askers = [threading.Thread(target=ask, args=(1000 * number,)) for number in range(4)]
+    for asker in askers:
+        asker.start()
+    for asker in askers:
+        asker.join()
+    crew.close()
+    assert len(found) > 500 and all(result == 2 * value for value, result in found.items())
+    assert set(threading.enumerate()) <= before
 
 
 def test_one_that_cannot_get_ready_fails_no_job_that_another_can_do(opened, caplog):
