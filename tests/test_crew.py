@@ -75,7 +75,7 @@ def test_no_job_is_forgotten_by_many_workers():
         asker.join()
     crew.close()
     assert len(found) > 500 and all(result == 2 * value for value, result in found.items())
-    assert set(threading.enumerate()) <= before
+    assert not [new for new in set(threading.enumerate()) - before if new.name.startswith("stereo-gpu")]
 
 
 def test_one_that_cannot_get_ready_fails_no_job_that_another_can_do(opened, caplog):

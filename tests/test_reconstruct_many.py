@@ -78,4 +78,4 @@ def test_leaving_early_ends_the_processes(files, small_scene):
     assert [outcome.result[0] for outcome in taken] == [0, 1, 2]
     assert all(outcome.result[1] > 100 and outcome.result[2] != os.getpid() for outcome in taken)
     assert not any(Path(f"/proc/{outcome.result[2]}").exists() for outcome in taken)
-    assert set(threading.enumerate()) <= before
+    assert not [new for new in set(threading.enumerate()) - before if new.name.startswith("stereo-gpu")]
