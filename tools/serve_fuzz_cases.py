@@ -129,6 +129,11 @@ class Cases:
             (2, self._many),
         )
 
+    @property
+    def kinds(self) -> list[str]:
+        """The names of all ways to mistreat."""
+        return [maker.__name__.strip("_") for _, maker in self._kinds]
+
     def make(self, number: int) -> Case:
         """The case of a number."""
         chance = random.Random(f"{self._seed} {number}")
