@@ -247,3 +247,18 @@ def test_memory_counts_what_a_job_starts(opened):
     executor = opened(worker_tasks.grow_in_a_child)
     answer = taken(executor.submit((600,), limits=Limits(memory_bytes=500 * MEGABYTE, seconds=SOON_S)))
     assert isinstance(answer.error, WorkerError) and "over its limit of 500 MB" in str(answer.error)
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "message"),
+    [
+        ("cloud", {}, "engine 'cloud': give inline, local or ray"),
+        ("local", {"address": "head:6379"}, "address 'head:6379' is of a Ray cluster, engine local works here"),
+        ("inline", {"workers": 4}, "workers = 4: engine inline has one"),
+        ("local", {"workers": 0}, "workers = 0: give a number of processes"),
+    ],
+)
+def test_a_wrong_engine_is_refused_in_one_line(name, options, message):
+    with pytest.raises(InputError, match=message) as refused:
+        open_executor(name, Work(task=worker_tasks.double), **options)
+    assert "\n" not in str(refused.value)
