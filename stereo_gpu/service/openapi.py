@@ -54,10 +54,23 @@ def wrong(*statuses: int) -> dict[int | str, dict[str, Any]]:
 
 
 def body(kind: str, description: str, *, status: int = 200, headers: Mapping[str, str] | None = None) -> dict[str, Any]:
-    """An answer that is no JSON, as an entry of `responses`."""
-    schema = {"type": "string"} if kind.startswith("text/") else {"type": "string", "format": "binary"}
+    """An answer that is no JSON, or may be anything, as an entry of `responses`."""
+    kinds = {"text/plain": {"type": "string"}, "*/*": {}}
+    schema: dict[str, Any] = kinds.get(kind, {"type": "string", "format": "binary"})
     told = {name: {"description": text, "schema": {"type": "string"}} for name, text in (headers or {}).items()}
     return {"description": description, "content": {kind: {"schema": schema}}, **({"headers": told} if told else {})}
+
+
+def events(description: str) -> dict[str, Any]:
+    """An answer of server-sent events, each with a job, as an entry of `responses`; the schema is that of one event."""
+    data = {
+        "type": "string",
+        "contentMediaType": "application/json",
+        "contentSchema": {"$ref": "#/components/schemas/JobView"},
+    }
+    properties = {"event": {"const": "job"}, "id": {"type": "string"}, "data": data}
+    schema = {"type": "object", "required": list(properties), "properties": properties}
+    return {"description": description, "content": {"text/event-stream": {"schema": schema}}}
 
 
 def form(required: list[str], **fields: dict[str, Any]) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from stereo_gpu.service.accepting import (
 from stereo_gpu.service.asking import After, Client, IdHere, Limit, ServiceHere
 from stereo_gpu.service.events import MEDIA_TYPE, Streams
 from stereo_gpu.service.models import ID, JobPage, JobView
-from stereo_gpu.service.openapi import BY, body, form, length, picture, pictures, text, wrong
+from stereo_gpu.service.openapi import BY, events, form, length, picture, pictures, text, wrong
 from stereo_gpu.service.problems import Problem
 from stereo_gpu.service.records import Job, Kind, State
 from stereo_gpu.service.refusals import NotFound
@@ -116,7 +116,7 @@ def get_job(id: IdHere, client: Client, service: ServiceHere) -> Response:
     "/jobs/{id}/events",
     response_class=StreamingResponse,
     responses={
-        200: body(MEDIA_TYPE, "`event: job`, whose data is the job as JSON, until it has ended"),
+        200: events("`event: job`, whose data is the job as JSON, until it has ended"),
         **wrong(401, 404),
     },
 )
