@@ -8,10 +8,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from stereo_gpu.boards.choose import choose_board
-from stereo_gpu.errors import InputError, PictureError, StereoError
+from stereo_gpu.errors import InputError, StereoError
 from stereo_gpu.service.multipart import FileWanted, FormSpec
 from stereo_gpu.service.options import OPTIONS_BYTES, fingerprint, read_options
-from stereo_gpu.service.records import InputFile, Job, Kind
+from stereo_gpu.service.pair_sizes import check_one_size, check_size_of_mask, check_size_of_rig, check_sizes_alike
+from stereo_gpu.service.records import Job, Kind
 from stereo_gpu.service.refusals import StoreError
 from stereo_gpu.service.service import Service
 from stereo_gpu.service.uploads import Form
@@ -53,18 +54,9 @@ def accept_pair(service: Service, client: str, form: Form, key: str | None) -> t
         rig = service.store.rig(client, form.fields["rig"])
         if rig is None:
             raise InputError(f"there is no rig {form.fields['rig']!r:.50}: ask for the list of rigs, or send it again")
-        size = (rig.summary["width"], rig.summary["height"])
-        if (left.width, left.height) != size:
-            raise InputError(
-                f"the pictures are {left.width} x {left.height}, the rig was calibrated for {size[0]} x {size[1]}:"
-                " use pictures of that size, or calibrate with pictures of this one"
-            )
+        check_size_of_rig(left, rig)
         for mask in form.files["mask"]:
-            if (mask.width, mask.height) != size:
-                raise PictureError(
-                    f"mask is {mask.width} x {mask.height} px, the rectified picture is {size[0]} x {size[1]}:"
-                    " draw it on the rectified reference view"
-                )
+            check_size_of_mask(mask, rig)
         options = read_options(form.fields.get("options", ""), width=left.width).given()
         return _enqueue(service, client, form, Kind.RECONSTRUCTION, options, rig.id, key)
 
@@ -81,27 +73,9 @@ def accept_boards(service: Service, client: str, form: Form, key: str | None) ->
         if len(left) != len(right):
             raise InputError(f"left has {len(left)} pictures, right has {len(right)}: give both pictures of every pair")
         for side, some in form.files.items():
-            for picture in some:
-                if (picture.width, picture.height) != (some[0].width, some[0].height):
-                    raise PictureError(
-                        f"{side}: {picture.given} is {picture.width} x {picture.height} px, {some[0].given} is"
-                        f" {some[0].width} x {some[0].height}: give pictures of one camera, all of one size"
-                    )
+            check_one_size(side, some)
         options = _board_options(form.fields)
         return _enqueue(service, client, form, Kind.CALIBRATION, options, None, key)
-
-
-def check_sizes_alike(left: InputFile, right: InputFile) -> None:
-    """Refuse a pair of two sizes.
-
-    Raises:
-        PictureError: with both.
-    """
-    if (left.width, left.height) != (right.width, right.height):
-        raise PictureError(
-            f"left is {left.width} x {left.height} px, right is {right.width} x {right.height} px:"
-            " give two pictures of one size, as the cameras took them"
-        )
 
 
 def read_title(name: str, given: str) -> str:
