@@ -170,9 +170,7 @@ class _Held:
 
 
 def _import_ray() -> Any:
-    # Read when it is loaded. Nothing is reported to anybody, and what fails is told once, by us.
-    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
-    os.environ.setdefault("RAY_BACKEND_LOG_LEVEL", "error")
+    os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # nothing is reported to anybody
     import ray
 
     return ray
