@@ -5,17 +5,14 @@ from __future__ import annotations
 import logging
 import os
 import platform
-import signal
-import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable, Mapping
-from contextlib import suppress
-from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from stereo_gpu.backends.share import PROCESSES, usable_cores
+from stereo_gpu.engines.child import Child, tell_end
 from stereo_gpu.engines.executor import Answer, Limits, Tell, Work, WorkerState
 from stereo_gpu.engines.memory import MEMORY_IS_KNOWN, group_memory
 from stereo_gpu.engines.watch import GRACE_S, Watch
@@ -23,9 +20,7 @@ from stereo_gpu.engines.worker import TOLD, receive, send
 from stereo_gpu.errors import CancelledError, StageError, StereoError, WorkerError
 
 START = Limits(seconds=900.0)  # Python, its modules and `prepare`, which may compile kernels for minutes
-_SCRIPT = Path(__file__).with_name("worker.py")
 _ENDING_S = 0.01  # how often an end is looked for
-_PIPE_BYTES = 1 << 20  # the most that Linux gives anybody: fewer turns for a result of 10 MB
 # What reads how many threads to start when it is loaded: PoCL, OpenBLAS, OpenMP.
 _THREADS = ("POCL_MAX_PTHREAD_COUNT", "OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS")
 
@@ -57,7 +52,7 @@ class WorkerProcess:
             | dict(environment or {})
         )
         self._number = number
-        self._process: subprocess.Popen[bytes] | None = None
+        self._child: Child | None = None
         self._ready = self._busy = self._occupied = self._cancelled = self._stopped = False
         self._watch: Watch | None = None
         self._changing = threading.Lock()
@@ -72,7 +67,7 @@ class WorkerProcess:
             self._refuse_if_stopped()
             self._occupied = True
         try:
-            if not (self._ready and _is_alive(self._process)):
+            if not (self._ready and self._child is not None and self._child.alive):
                 self._bury()
                 self._start()
         finally:
@@ -126,8 +121,8 @@ class WorkerProcess:
 
     def state(self) -> WorkerState:
         """How it is now."""
-        process = self._process
-        pid = process.pid if process is not None and _is_alive(process) else None
+        child = self._child
+        pid = child.pid if child is not None and child.alive else None
         return WorkerState(
             number=self._number,
             warm=pid is not None and self._ready,
@@ -141,11 +136,10 @@ class WorkerProcess:
         """Ask the process to end and to leave nothing half written; no other one is started."""
         with self._changing:
             self._stopped = True
-            idle, process = not self._occupied, self._process
-        if idle and process is not None and process.stdin is not None:
-            # It ends when there are no more jobs, in order: a signal might reach it while it lets go of the last one.
-            with suppress(OSError):
-                process.stdin.close()
+            idle, child = not self._occupied, self._child
+        if idle and child is not None:
+            # It ends in order: a signal might reach it while it lets go of its last job.
+            child.dismiss()
         else:
             self._signal(False)
 
@@ -153,7 +147,7 @@ class WorkerProcess:
         """Ask the process to end, wait so long for it, and kill it if it does not; no other one is started."""
         self.stop()
         late = time.monotonic() + grace_s
-        while _is_alive(self._process) and time.monotonic() < late:
+        while self._child is not None and self._child.alive and time.monotonic() < late:
             time.sleep(_ENDING_S)
         self._bury()
 
@@ -161,27 +155,17 @@ class WorkerProcess:
         try:
             with self._changing:
                 self._refuse_if_stopped()
-                process = self._process = subprocess.Popen(
-                    [sys.executable, "-P", str(_SCRIPT)],
-                    stdin=subprocess.PIPE,
-                    stdout=subprocess.PIPE,
-                    env=self._environment,
-                    # Its own group, so that Ctrl-C reaches this process alone, and all that it starts ends with it.
-                    process_group=0 if hasattr(os, "killpg") else None,
-                )
+                child = self._child = Child(self._environment)
         except OSError as error:
             raise WorkerError(
                 f"its process cannot be started ({error}): close other programs, or use fewer workers"
             ) from error
-        assert process.stdin is not None and process.stdout is not None
-        _widen(process.stdin)
-        _widen(process.stdout)
         watch = self._watched(START)
         try:
             with watch:
                 for message in (sys.path, self._setup):
-                    send(process.stdin, message)
-                refused = receive(process.stdout)
+                    send(child.jobs, message)
+                refused = receive(child.answers)
         except (EOFError, OSError) as error:
             raise self._end_of(watch, " before it was ready") from error
         except Exception as error:  # what cannot be pickled: half a message may lie in the pipe
@@ -200,17 +184,17 @@ class WorkerProcess:
 
     def _exchange(self, job: tuple[Any, ...], limits: Limits, tell: Tell | None) -> tuple[bool, Any]:
         """What the process answers to a job, or why it does not."""
-        process = self._process
-        assert process is not None and process.stdin is not None and process.stdout is not None
+        child = self._child
+        assert child is not None
         watch = self._watched(limits)
         try:
             with watch:
-                send(process.stdin, job)
-                message = receive(process.stdout)
+                send(child.jobs, job)
+                message = receive(child.answers)
                 while message[0] == TOLD:
                     if tell is not None:
                         tell(message[1])
-                    message = receive(process.stdout)
+                    message = receive(child.answers)
         except (EOFError, OSError):
             return False, self._end_of(watch)
         except Exception as error:  # what cannot be pickled, here or there: half a message may lie in the pipe
@@ -236,73 +220,19 @@ class WorkerProcess:
             self._watch = None
 
     def _memory(self) -> int:
-        return 0 if self._process is None else group_memory(self._process.pid)
+        return 0 if self._child is None else group_memory(self._child.pid)
+
+    def _signal(self, kill: bool) -> None:
+        if self._child is not None:
+            self._child.signal(kill=kill)
+
+    def _bury(self) -> int:
+        self._ready = False
+        return 0 if self._child is None else self._child.bury()
 
     def _end_of(self, watch: Watch, when: str = "") -> StereoError:
         """Why the process is there no more, for whom it worked under a watch."""
         status = self._bury()
         if watch.why is not None:
             return watch.why
-        if self._stopped:
-            return CancelledError("stopped before it was done")
-        if status == -9:
-            return WorkerError(
-                f"its process was killed{when}, as where memory runs out: use fewer workers or smaller pictures"
-            )
-        how = f"signal {_signal_name(-status)}" if status < 0 else f"exit status {status}"
-        return WorkerError(f"its process ended by {how}{when}: try the pair by itself, or another backend")
-
-    def _bury(self) -> int:
-        """Make sure that the process is gone, and all that it started; returns its exit status, 0 without one."""
-        self._ready = False
-        process = self._process
-        if process is None:
-            return 0
-        self._signal(True)
-        status = process.wait()
-        for stream in (process.stdin, process.stdout):
-            assert stream is not None
-            with suppress(OSError):  # what could not be written any more
-                stream.close()
-        return status
-
-    def _signal(self, kill: bool) -> None:
-        """Signal the process and all that it started."""
-        process = self._process
-        # Once it has been waited for, its number may be another's.
-        if process is None or process.returncode is not None:
-            return
-        with suppress(OSError):  # it is gone already
-            if hasattr(os, "killpg"):
-                os.killpg(process.pid, signal.SIGKILL if kill else signal.SIGTERM)
-            else:
-                process.kill()
-
-
-def _is_alive(process: subprocess.Popen[bytes] | None) -> bool:
-    """Whether it runs; it is not waited for, which would leave its number, and so its group's, to others."""
-    if process is None or process.returncode is not None:
-        return False
-    if not hasattr(os, "waitid"):
-        return process.poll() is None
-    try:
-        return os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is None
-    except ChildProcessError:
-        return False
-
-
-def _widen(stream: IO[bytes]) -> None:
-    """Make room in a pipe, where there may be some: Linux grants a user who is not root 64 MB of it in all."""
-    try:
-        import fcntl
-
-        fcntl.fcntl(stream.fileno(), fcntl.F_SETPIPE_SZ, _PIPE_BYTES)
-    except (ImportError, AttributeError, OSError):
-        return
-
-
-def _signal_name(number: int) -> str:
-    try:
-        return signal.Signals(number).name
-    except ValueError:  # a real-time one
-        return str(number)
+        return CancelledError("stopped before it was done") if self._stopped else tell_end(status, when)
