@@ -6,7 +6,7 @@ from importlib.metadata import version
 
 from fastapi import FastAPI
 
-from stereo_gpu.service import routes_files, routes_health, routes_jobs, routes_page, routes_rigs
+from stereo_gpu.service import routes_files, routes_health, routes_jobs, routes_outlines, routes_page, routes_rigs
 from stereo_gpu.service.bodies import SmallBodies
 from stereo_gpu.service.events import Streams
 from stereo_gpu.service.openapi import install_document
@@ -31,7 +31,7 @@ def create_app(service: Service) -> FastAPI:
     )
     app.state.service = service
     app.state.streams = Streams()
-    for routes in (routes_rigs, routes_jobs, routes_files, routes_health, routes_page):
+    for routes in (routes_rigs, routes_jobs, routes_files, routes_outlines, routes_health, routes_page):
         app.include_router(routes.router)
     install_problems(app)
     install_document(app)

@@ -175,6 +175,10 @@ class Folders:
         """Remove a rig's folder, if there is one; as `remove_job`."""
         self._remove(self.rig(id).parent)
 
+    def remove_outline(self, id: str) -> None:
+        """Remove a view to paint on, if there is one; as `remove_job`."""
+        self._remove(self.outline(id))
+
     def sweep(self, known: Collection[str], older_than: float, *, busy: Collection[str] = ()) -> int:
         """Remove what nobody knows: uploads, views to paint on, folders of jobs and rigs, and what tries have left.
 

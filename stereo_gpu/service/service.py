@@ -13,6 +13,7 @@ from stereo_gpu.service.folders import Folders
 from stereo_gpu.service.housekeeping import Housekeeping
 from stereo_gpu.service.live import Live
 from stereo_gpu.service.metrics import Metrics
+from stereo_gpu.service.outlines import Desk
 from stereo_gpu.service.settings import MEGABYTE, Settings
 from stereo_gpu.service.store import Store
 from stereo_gpu.service.workers import open_workers
@@ -34,6 +35,8 @@ class Service:
         executor: the workers.
         dispatcher: which gives them the jobs.
         metrics: what is counted.
+        housekeeping: what removes what is old.
+        desk: where views to paint on are made.
         new_token: of the first client, where this start made it; None otherwise.
     """
 
@@ -45,6 +48,7 @@ class Service:
     dispatcher: Dispatcher
     metrics: Metrics
     housekeeping: Housekeeping
+    desk: Desk
     new_token: str | None
     resources: ExitStack
 
@@ -72,6 +76,8 @@ class Service:
         new_token = _first_token(store, folders)
         executor = open_workers(settings)
         stack.callback(executor.close)
+        desk = Desk(settings, folders)
+        stack.callback(desk.close)
         live = Live()
         metrics = Metrics(store.counts, executor, settings.data)
         service = cls(
@@ -83,10 +89,12 @@ class Service:
             dispatcher=Dispatcher(store, folders, live, executor, settings, metrics),
             metrics=metrics,
             housekeeping=Housekeeping(store, folders, settings),
+            desk=desk,
             new_token=new_token,
             resources=stack,
         )
         executor.start()
+        desk.start()
         service.dispatcher.start()
         service.housekeeping.start()
         return service
