@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -169,6 +170,32 @@ def test_a_manifest_reads_nothing_outside_of_its_folder(tmp_path):
     file = {"name": "../secret", "bytes": 1, "sha256": "", "type": ""}
     (inside / "manifest.json").write_text(json.dumps({"version": 1, "files": [file]}))
     assert read_manifest(inside) is None
+
+
+def test_contents_reach_the_disk_before_their_names(folders, monkeypatch):
+    """A power cut at any moment leaves no result without its contents: the order of what is flushed and named."""
+    steps = []
+    flush, rename, replace = os.fsync, Path.rename, Path.replace
+
+    def name_of(held):
+        same = (path for path in folders.root.rglob("*") if os.path.samestat(path.stat(), os.fstat(held)))
+        return next(same, folders.root).name
+
+    monkeypatch.setattr(os, "fsync", lambda held: (steps.append(name_of(held)), flush(held)))
+    monkeypatch.setattr(Path, "rename", lambda path, to: (steps.append(f"-> {to.name}"), rename(path, to))[1])
+    monkeypatch.setattr(Path, "replace", lambda path, to: (steps.append(f"-> {to.name}"), replace(path, to))[1])
+    upload = accept(folders)
+    assert steps == ["left.png", upload.name, "-> inputs", ID, "jobs"]
+    steps.clear()
+    attempt = folders.attempt(ID, 1)
+    attempt.mkdir()
+    (attempt / "model.glb").write_bytes(b"model")
+    seal(attempt)
+    part = steps.pop(1)  # the manifest under its temporary name
+    assert part.startswith(".manifest.json") and steps == ["model.glb", "-> manifest.json", "try-1.part"]
+    steps.clear()
+    folders.publish(ID, 1)
+    assert steps == ["-> result", ID]
 
 
 def test_a_result_takes_its_place_in_one_step(folders):

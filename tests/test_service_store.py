@@ -212,6 +212,12 @@ def test_the_file_is_its_owners_alone(store, tmp_path):
     assert set(modes.values()) == {0o600}, modes
 
 
+def test_every_write_reaches_the_disk(store):
+    settings = {"journal_mode": "wal", "synchronous": 2, "foreign_keys": 1}  # 2 is FULL
+    with store._database.write() as tables:
+        assert {name: tables.execute(f"PRAGMA {name}").fetchone()[0] for name in settings} == settings
+
+
 def test_what_is_written_is_there_after_opening_again(tmp_path):
     store = open_store(tmp_path, "ann")
     token, (job,) = store.add_client("bob"), put(store)
