@@ -81,7 +81,7 @@ def need_service():
         import uvicorn  # noqa: F401
 
         import stereo_gpu.service.app  # noqa: F401
-    except ImportError as error:
+    except ModuleNotFoundError as error:
         missing("service", f"{error}; pip install 'stereo-gpu[service]' httpx")
 
 
