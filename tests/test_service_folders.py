@@ -127,6 +127,19 @@ def test_a_full_disk_is_told_as_such(folders, monkeypatch):
     assert not folders.job(ID).exists()
 
 
+def test_a_rig_that_does_not_fit_on_the_disk_is_told_as_such(folders):
+    def write(path):
+        try:
+            raise OSError(28, "No space left on device")
+        except OSError as error:
+            raise InputError("cannot write") from error
+
+    folders.keep_rig(ID, lambda path: path.write_text("{}"))
+    with pytest.raises(DiskFull, match="the disk is full; make room"):
+        folders.keep_rig(ID, write)
+    assert folders.rig(ID).read_text() == "{}"
+
+
 def test_a_sealed_folder_tells_of_all_that_is_in_it(folders):
     attempt = make_attempt(folders, content=b"model")
     manifest = read_manifest(attempt)

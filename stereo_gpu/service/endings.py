@@ -56,9 +56,8 @@ def end_badly(lease: Lease, error: StereoError, seconds: float) -> Ending:
 
 def _keep_rig(folders: Folders, job: Job, summary: dict[str, object]) -> RigRecord:
     """The rig that a calibration found; it has the id of its job, so that there is one however often this is done."""
-    path = folders.rig(job.id)
-    path.parent.mkdir(mode=0o700, exist_ok=True)
-    write_whole(path, (folders.result(job.id) / "rig.json").read_bytes())
+    content = (folders.result(job.id) / "rig.json").read_bytes()
+    folders.keep_rig(job.id, lambda path: write_whole(path, content))
     return RigRecord(
         id=job.id,
         client=job.client,

@@ -20,7 +20,7 @@ import os
 import re
 import secrets
 import shutil
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -121,6 +121,23 @@ class Folders:
                 raise
             flush_folder(job)
             flush_folder(self.jobs)
+
+    def keep_rig(self, id: str, write: Callable[[Path], object]) -> None:
+        """Write a rig's file; when this returns, it is on the disk.
+
+        Args:
+            id: of the rig; a file that is there already is replaced.
+            write: writes the path that it gets, whole or not at all.
+
+        Raises:
+            DiskFull, StoreError: it cannot be written.
+        """
+        path = self.rig(id)
+        with _written(path):
+            path.parent.mkdir(mode=0o700, exist_ok=True)
+            write(path)
+            flush_folder(path.parent)
+            flush_folder(self.rigs)
 
     def publish(self, id: str, number: int) -> Manifest:
         """Make what a sealed try has made the job's result, and remove what other tries have left.
@@ -292,11 +309,15 @@ def _written(path: Path) -> Iterator[None]:
     """Turn the system's errors into lines that name the path and the way out."""
     try:
         yield
-    except OSError as error:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+    except (OSError, InputError) as error:
+        # `write_whole` calls a full disk a wrong choice of the caller's, which it is not here.
+        cause = error.__cause__ if isinstance(error, InputError) else error
+        if not isinstance(cause, OSError):
+            raise
+        if cause.errno in (errno.ENOSPC, errno.EDQUOT):
             raise DiskFull(f"cannot write {path}: the disk is full; make room") from error
         raise StoreError(
-            f"cannot write {path}: {error.strerror or error}; see that the folder can be written"
+            f"cannot write {path}: {cause.strerror or cause}; see that the folder can be written"
         ) from error
 
 

@@ -44,8 +44,7 @@ def accept_rig(service: Service, client: str, form: Form) -> RigRecord:
         unit = form.fields.get("unit") or None
         rig = _read([form.path(file) for file in files], files, _size(form.fields.get("size", "")), unit)
         id = secrets.token_hex(16)
-        service.folders.rig(id).parent.mkdir(mode=0o700)
-        rig.save(service.folders.rig(id))
+        service.folders.keep_rig(id, rig.save)
         name = read_title("name", form.fields.get("name", "")) or files[0].given or "rig"
         record = RigRecord(id=id, client=client, name=name, created=time.time(), summary=summarise(rig))
         service.metrics.received(form.bytes)
