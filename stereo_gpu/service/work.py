@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import platform
 import shutil
 import sys
 from pathlib import Path
@@ -28,8 +29,10 @@ def prepare(*, data: Path, backend: str | None) -> None:
     """Compile and run every kernel once, and start what unwraps, so that the first job need not wait for that.
 
     Raises:
-        StereoError: the device is missing or fails.
+        StereoError: the device is missing or fails, or this machine does not see the service's folder.
     """
+    if not data.is_dir():
+        raise WorkerError(f"there is no folder {data} on {platform.node()}: put it on storage that all nodes share")
     scene = build_scene(WARM_SIZE)
     left, right = render_pair(scene)
     for profile in WARM_PROFILES:
