@@ -8,7 +8,7 @@ import subprocess
 import sys
 import threading
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 import pytest
 from conftest import need_service
@@ -147,6 +147,23 @@ def test_what_is_no_http_is_told_so(said, port):
         head, _, body = read(connection).rpartition(b"\r\n\r\n")
     assert b"HTTP/1.1 400 Bad Request\r\ncontent-type: application/problem+json" in head
     assert json.loads(body)["detail"].startswith("this is no HTTP/1.1 request")
+
+
+def chunked(size, count):
+    return b"POST /read HTTP/1.1\r\nHost: x\r\nConnection: close\r\nTransfer-Encoding: chunked\r\n\r\n" + (
+        b"%x\r\n%s\r\n" % (size, b"x" * size) * count + b"0\r\n\r\n"
+    )
+
+
+def test_a_body_may_come_in_chunks_but_not_in_crumbs(port):
+    for size, count in ((1, 1000), (300, 20_000), (100_000, 5)):
+        with connect(port) as connection:
+            connection.sendall(chunked(size, count))
+            assert read(connection).endswith(b"\r\n\r\n%d" % (size * count))
+    with connect(port) as connection:
+        with suppress(ConnectionError):
+            connection.sendall(chunked(1, 500_000))
+        assert not read(connection).startswith(b"HTTP/1.1 200 ")  # 400, unless the reset was faster
 
 
 def test_a_body_that_breaks_off_in_the_middle_of_an_answer_is_no_fault(port, caplog):

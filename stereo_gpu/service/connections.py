@@ -7,9 +7,12 @@ import json
 from http import HTTPStatus
 from typing import Any
 
+import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 STALL_S = 60.0  # without a byte taken by a client that is being sent something
+FREE_CHUNKS = 1000  # of a body, whatever their size
+LEAST_CHUNK = 256  # bytes of those beyond, on average
 NO_HTTP = "this is no HTTP/1.1 request, or its header is too long: send one"
 BUSY = "the service has as many connections as it can hold: try again in a moment"
 
@@ -19,6 +22,7 @@ class GuardedProtocol(H11Protocol):
 
     - A connection that has sent no whole request header after `header_seconds` is closed, from its start or from the
       first byte after an answer. The rest of a body that was refused counts as such bytes.
+    - A body in chunks of a few bytes is no HTTP here: a chunk costs as much to read as a page of plain body.
     - A client that takes none of its answer for STALL_S is cut off.
     - Connections beyond `most` are answered 503 at once.
 
@@ -28,6 +32,9 @@ class GuardedProtocol(H11Protocol):
 
     def __init__(self, *args: Any, header_seconds: float, most: int, **keywords: Any) -> None:
         super().__init__(*args, **keywords)
+        most_bytes = self.config.h11_max_incomplete_event_size
+        assert most_bytes is not None
+        self.conn = _Connection(h11.SERVER, most_bytes)
         self._header_seconds = header_seconds
         self._most = most
         self._header_timer: asyncio.TimerHandle | None = None
@@ -104,6 +111,21 @@ class GuardedProtocol(H11Protocol):
             self.transport.abort()  # to close it would wait for the client, who takes nothing
         else:
             self._await_progress(left)
+
+
+class _Connection(h11.Connection):
+    """Counts the chunks of a body."""
+
+    def next_event(self) -> Any:
+        event = super().next_event()
+        if isinstance(event, h11.Request):
+            self._chunks = self._bytes = 0
+        elif isinstance(event, h11.Data):
+            self._chunks += bool(event.chunk_start)
+            self._bytes += len(event.data)
+            if self._chunks > FREE_CHUNKS + self._bytes // LEAST_CHUNK:
+                raise h11.RemoteProtocolError("chunks of a few bytes each")
+        return event
 
 
 def _answer(status: int, detail: str, *headers: str) -> bytes:

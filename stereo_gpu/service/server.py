@@ -24,7 +24,7 @@ from stereo_gpu.service.settings import Settings
 
 HEADER_SECONDS = 10.0  # until a request's header is there
 KEEP_ALIVE_S = 15
-HEADER_BYTES = 32 << 10  # of a request line and all of its headers
+HEADER_BYTES = 16 << 10  # of a request line and all of its headers
 MOST_CONNECTIONS = 512
 FILES_A_CONNECTION = 2  # the socket, and what is written or sent
 FILES_BESIDES = 128
