@@ -8,6 +8,7 @@ from anyio.to_thread import run_sync
 from fastapi import APIRouter, Header, Request, Response
 from fastapi.responses import StreamingResponse
 
+from stereo_gpu.boards.markers import FAMILIES
 from stereo_gpu.service.accepting import (
     BOARDS_FORM,
     KEY,
@@ -74,7 +75,7 @@ async def post_job(request: Request, client: Client, service: ServiceHere, idemp
         board=text("squares as printed, columns x rows", LONGEST_WORD, pattern=BY, examples=["10x7"]),
         square=length("side of a square, mm"),
         marker=length("side of a marker, mm, of a ChArUco board"),
-        dictionary=text("of the markers", LONGEST_WORD, examples=["5x5_250"]),
+        dictionary=text("of the markers", LONGEST_WORD, enum=[name for some in FAMILIES.values() for name in some]),
         label=text("what you call it, and the rig", LONGEST_LABEL),
     ),
 )
