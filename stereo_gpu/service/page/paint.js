@@ -7,6 +7,7 @@ import { keyboard, pointer } from "./paint_hand.js";
 import { extend, rectangleBetween, Strokes } from "./strokes.js";
 
 const LARGEST = 1600; // px: what the drawing surface is cut to; strokes are kept in px of the picture itself
+const SIDES = ["Left edge, px", "Top edge, px", "Width, px", "Height, px"];
 const TOOLS = [["rectangle", "Rectangle around it"], ["wanted", "Brush: wanted"], ["unwanted", "Brush: not wanted"]];
 
 /** A painter of one outline ({id, width, height, bitmap}); `mask()` gives the picture to send, or null. */
@@ -17,6 +18,7 @@ export function painter(outline, gone, signal) {
     width: Math.round(size[0] * scale), height: Math.round(size[1] * scale), tabindex: 0, role: "application",
     "aria-label": "The rectified picture to paint on", "aria-describedby": "paint-help",
   });
+  canvas.style.width = `min(100%, ${Math.round((80 * size[0]) / size[1])}vh)`; // a small picture is painted on enlarged
   const told = make("p", { class: "soft", role: "status", id: "paint-told" });
   const failed = alertLine();
   const state = { tool: "rectangle", stroke: null, corner: null, cursor: null, shade: null, mask: null, hand: [0, 0] };
@@ -29,10 +31,10 @@ export function painter(outline, gone, signal) {
     make("label", {}, make("input", {
       type: "radio", name: "tool", value, checked: value === state.tool, change: () => (state.tool = value),
     }), ` ${text}`)));
-  const numbers = ["x", "y", "width", "height"].map((name) => make("input", { type: "number", min: 0, step: 1, "aria-label": name }));
+  const numbers = SIDES.map(() => make("input", { type: "number", min: 0, step: 1, inputmode: "numeric" }));
   const place = button("Set the rectangle", () => {
     const [x, y, wide, high] = numbers.map((input) => Number(input.value));
-    const rectangle = rectangleBetween([x, y], [x + wide, y + high], size);
+    const rectangle = rectangleBetween([x - 0.5, y - 0.5], [x + wide - 0.5, y + high - 0.5], size);
     if (rectangle) strokes.setRectangle(rectangle);
     else say(told, `Give a rectangle of 3 px a side or more within ${size[0]} × ${size[1]} px.`);
   });
@@ -110,7 +112,13 @@ export function painter(outline, gone, signal) {
   say(told, "Draw a rectangle around the object.");
   draw();
 
-  const element = make("div", { class: "painter" },
+  // Enter in a field would start the job amid the painting.
+  const keydown = (event) => {
+    if (event.key !== "Enter" || event.target.tagName !== "INPUT") return;
+    event.preventDefault();
+    if (numbers.includes(event.target)) place.click();
+  };
+  const element = make("div", { keydown },
     tools,
     make("p", { class: "buttons" }, make("label", { class: "brush" }, "Brush ", brush), undo, clear),
     make("div", { class: "surface" }, canvas),
@@ -118,7 +126,7 @@ export function painter(outline, gone, signal) {
     make("p", { class: "soft", id: "paint-help" },
       "With keys: arrows move the cross, with Shift faster; Enter begins and ends a rectangle or a stroke, Escape drops it, Ctrl Z takes the last one back."),
     make("details", {}, make("summary", {}, "The rectangle in numbers"),
-      make("div", { class: "columns four" }, numbers.map((input) => field(`${input.getAttribute("aria-label")}, px`, input))),
+      make("div", { class: "columns four" }, SIDES.map((name, index) => field(name, numbers[index]))),
       make("p", { class: "buttons" }, place)));
 
   /** The mask of what is painted, once it is there; null where nothing is painted. Throws where there is none. */

@@ -33,14 +33,17 @@ export function drawScene(canvas, picture, scale, painted, state, radius) {
   draw.setTransform(1, 0, 0, 1, 0, 0);
   draw.drawImage(picture, 0, 0, canvas.width, canvas.height);
   if (state.shade) draw.drawImage(state.shade, 0, 0);
-  draw.setTransform(scale, 0, 0, scale, 0, 0);
+  draw.setTransform(scale, 0, 0, scale, scale / 2, scale / 2); // pixel centres at integers
   for (const kind of ["wanted", "unwanted"]) for (const stroke of painted[kind]) drawStroke(draw, stroke, kind);
   if (state.stroke) drawStroke(draw, state.stroke, state.stroke.kind);
   const thin = Math.max(1.5, canvas.width / 400) / scale;
   draw.lineWidth = thin;
   draw.strokeStyle = COLOURS.line;
   draw.setLineDash([5 * thin, 3 * thin]);
-  if (painted.rectangle && !state.corner) draw.strokeRect(...painted.rectangle);
+  if (painted.rectangle && !state.corner) {
+    const [x, y, width, height] = painted.rectangle;
+    draw.strokeRect(x - 0.5, y - 0.5, width, height);
+  }
   if (state.corner) {
     const [x, y] = state.corner;
     draw.strokeRect(x, y, state.hand[0] - x, state.hand[1] - y);

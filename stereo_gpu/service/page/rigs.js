@@ -17,7 +17,8 @@ const words = (rig) => {
 export function rigPicker(changed) {
   const list = make("select", { change: () => choose(list.value) });
   const file = make("input", { type: "file", multiple: true, accept: ".json,.yml,.yaml,.xml,.mat,.txt", change: upload });
-  const size = make("input", { type: "text", placeholder: "640x480", autocomplete: "off" });
+  const stay = (event) => event.key === "Enter" && event.preventDefault(); // it would start the job
+  const size = make("input", { type: "text", placeholder: "640x480", autocomplete: "off", keydown: stay });
   const unit = choice([["", "what the file says, else mm"], ...["mm", "cm", "m", "in"].map((name) => [name, name])], "");
   const told = alertLine();
   const remove = button("Delete this rig", drop);
