@@ -136,6 +136,7 @@ def test_a_connection_serves_several_requests(port):
         b"hello\r\n\r\n",
         b"GET / HTTP/1.1\r\n\r\n",  # no host
         b"GET / HTTP/1.1\r\nHost: x\r\nX: " + b"y" * 40_000,
+        b"GET / HTTP/1.1\r\nHost: x\r\n" + b"a:b\r\n" * 100 + b"\r\n",
         b"POST /read HTTP/1.1\r\nHost: x\r\nContent-Length: 1\r\nContent-Length: 2\r\n\r\n",
         b"POST /read HTTP/1.1\r\nHost: x\r\nTransfer-Encoding: chunked\r\n\r\nzz\r\n",
         GET + b"hello\r\n\r\n",

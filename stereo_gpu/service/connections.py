@@ -11,6 +11,7 @@ import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 STALL_S = 60.0  # without a byte taken by a client that is being sent something
+MOST_HEADERS = 100
 FREE_CHUNKS = 1000  # of a body, whatever their size
 LEAST_CHUNK = 256  # bytes of those beyond, on average
 NO_HTTP = "this is no HTTP/1.1 request, or its header is too long: send one"
@@ -114,12 +115,14 @@ class GuardedProtocol(H11Protocol):
 
 
 class _Connection(h11.Connection):
-    """Counts the chunks of a body."""
+    """Counts the headers of a request, and the chunks of its body."""
 
     def next_event(self) -> Any:
         event = super().next_event()
         if isinstance(event, h11.Request):
             self._chunks = self._bytes = 0
+            if len(event.headers) > MOST_HEADERS:
+                raise h11.RemoteProtocolError("too many headers")
         elif isinstance(event, h11.Data):
             self._chunks += bool(event.chunk_start)
             self._bytes += len(event.data)

@@ -76,7 +76,7 @@ class Guard:
         except ClientDisconnect:
             pass  # there is nobody left to tell
         except Exception:
-            log.exception("%s %s failed", scope["method"], scope["path"])
+            log.exception("%s %s failed", scope["method"], _path(scope))
             if answer.status is not None:
                 raise  # half of it has gone out: only a closed connection says that the rest is missing
             await answer_fault(name)(scope, receive, answer.send)
@@ -97,7 +97,7 @@ class Guard:
         log.info(
             "%s %s %s",
             scope["method"],
-            scope["path"],
+            _path(scope),
             answer.status or "left",
             extra={"request": name, "client": client, "status": answer.status, "seconds": round(seconds, 4)},
         )
@@ -119,6 +119,12 @@ class _Answer:
                 headers.setdefault(key, value)
             headers["x-request-id"] = self._name
         await self._send(message)
+
+
+def _path(scope: Scope) -> str:
+    """As it was sent: decoded, it could hold line ends that make lines of the log."""
+    raw: bytes = scope.get("raw_path") or b""
+    return raw.decode("ascii", "backslashreplace")
 
 
 def _name(host: str) -> str:
