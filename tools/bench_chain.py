@@ -95,11 +95,13 @@ def _report(options: argparse.Namespace, backend: str, device: str, folder: Path
     ours = ["--rig", str(folder / "rig.json"), "--backend", backend, *OPTIONS]
     rates = {}
     # A small batch first, so that no compiler runs while a clock does.
-    _run([*PROGRAM, "batch", str(few), *ours, "--unwrap", "charts", "--out", str(folder / "warm")])
+    run_timed([*PROGRAM, "batch", str(few), *ours, "--unwrap", "charts", "--out", str(folder / "warm")])
     for unwrap in ("view", "charts"):
         out = folder / unwrap
         more = [] if options.workers is None else ["--workers", str(options.workers)]
-        timing = _run([*PROGRAM, "batch", str(folder / "pairs"), *ours, "--unwrap", unwrap, "--out", str(out), *more])
+        timing = run_timed(
+            [*PROGRAM, "batch", str(folder / "pairs"), *ours, "--unwrap", unwrap, "--out", str(out), *more]
+        )
         models = sorted(out.glob("*/model.glb"))
         if len(models) != options.pairs:
             raise StereoError(f"{len(models)} models of {options.pairs} pairs: {timing.said}")
@@ -110,7 +112,7 @@ def _report(options: argparse.Namespace, backend: str, device: str, folder: Path
     for name, processes in (("one process", 1), (f"a pool of {cores}", cores)):
         out = folder / f"user{processes}"
         out.mkdir(exist_ok=True)
-        timing = _run([*script, str(out), str(processes)])
+        timing = run_timed([*script, str(out), str(processes)])
         rates[name] = _row(f"user's, {name}", len(list(out.glob("*.glb"))), timing, float(timing.said))
         shutil.rmtree(out)
         if cores == 1:
@@ -143,10 +145,10 @@ def _starts(count: int, folder: Path, ours: list[str]) -> None:
         timings = []
         for number in range(count):
             out = folder / f"one{number}"
-            timings.append(_run([*one, "--unwrap", unwrap, "--out", str(out)]))
+            timings.append(run_timed([*one, "--unwrap", unwrap, "--out", str(out)]))
             shutil.rmtree(out)
         _start(f"`stereo-gpu reconstruct --unwrap {unwrap}`, all files", timings)
-    _start("`stereo-gpu --help`", [_run([*PROGRAM, "--help"]) for _ in range(count)])
+    _start("`stereo-gpu --help`", [run_timed([*PROGRAM, "--help"]) for _ in range(count)])
 
 
 def _start(name: str, timings: list[Timing]) -> None:
@@ -154,7 +156,7 @@ def _start(name: str, timings: list[Timing]) -> None:
     print(f"| {name} | {wall:.2f} | {cpu:.2f} |", flush=True)
 
 
-def _run(command: list[str]) -> Timing:
+def run_timed(command: list[str]) -> Timing:
     """Run a program to its end and time all of it.
 
     Raises:
