@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from dataclasses import replace
 
 from stereo_gpu.engines.executor import Answer
 from stereo_gpu.errors import BackendError, CancelledError, StereoError, WorkerError
@@ -126,7 +127,9 @@ class Settling:
         """Have a job end so, with the next `write`."""
         if ending.state is not State.DONE:
             self._folders.clear(entry.id)
-        self._endings.append((entry, ending))
+        told = self._live.progress(entry.id)
+        stage = None if told is None else told.stage
+        self._endings.append((entry, replace(ending, stage=stage)))
 
     def _give_back(self, entry: Entry, *, charge: bool) -> None:
         self._folders.clear(entry.id)

@@ -25,6 +25,7 @@ class Ending:
         number: of the lease.
         state: DONE, FAILED or CANCELLED.
         error: why it failed, one line; needed there, and only there.
+        stage: that had begun last; None for what the last heartbeat said.
         warnings, seconds, summary: as in `Job`.
         rig: that a calibration made, whose file is in its place; it is remembered in the same transaction.
         bytes: of its inputs and result on the disk; None for what it had.
@@ -34,6 +35,7 @@ class Ending:
     number: int
     state: State
     error: str | None = None
+    stage: str | None = None
     warnings: Sequence[str] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)
     summary: Mapping[str, Any] = field(default_factory=dict)
@@ -109,8 +111,8 @@ class Leases(Part):
                 changed = tables.execute(
                     "UPDATE jobs SET state = :state, ended = max(started, :now), owner = NULL, until = NULL,"
                     " cancel_asked = 0, fraction = CASE WHEN :state = 'done' THEN 1 ELSE fraction END, error = :error,"
-                    " warnings = :warnings, seconds = :seconds, summary = :summary, rig = coalesce(:rig, rig),"
-                    " bytes = coalesce(:bytes, bytes)"
+                    " stage = coalesce(:stage, stage), warnings = :warnings, seconds = :seconds, summary = :summary,"
+                    " rig = coalesce(:rig, rig), bytes = coalesce(:bytes, bytes)"
                     " WHERE id = :id AND attempt = :number AND state = 'running'",
                     {
                         "id": ending.id,
@@ -118,6 +120,7 @@ class Leases(Part):
                         "state": ending.state,
                         "now": now,
                         "error": ending.error,
+                        "stage": ending.stage,
                         "warnings": dump(list(ending.warnings)),
                         "seconds": dump(dict(ending.seconds)),
                         "summary": dump(dict(ending.summary)),
