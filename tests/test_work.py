@@ -170,7 +170,7 @@ def test_prepare_makes_a_device_ready(tmp_path, monkeypatch):
     reconstruct = work.reconstruct
     monkeypatch.setattr(work, "reconstruct", lambda *a, **k: ran.append(k["profile"]) or reconstruct(*a, **k))
     work.prepare(data=tmp_path, backend=None)
-    assert ran == ["fast", "precise", "paper"]
+    assert ran == ["fast", "precise"]
     with pytest.raises(BackendError, match="unknown"):
         work.prepare(data=tmp_path, backend="abacus")
 

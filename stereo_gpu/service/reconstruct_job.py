@@ -67,8 +67,7 @@ def _rig(path: Path) -> Rig:
 
 
 def _summary(result: Reconstruction) -> dict[str, Any]:
-    depths = result.points[..., 2][np.isfinite(result.points[..., 2])]
-    near, far = np.percentile(depths, [1, 99]).tolist()
+    near, far = np.percentile(result.mesh.vertices[:, 2], [1, 99]).tolist()  # of all points it would take 3 ms
     vertical = result.checked.vertical_px
     height, width = result.mesh.texture.shape[:2]
     return {
