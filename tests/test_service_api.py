@@ -276,6 +276,50 @@ def test_rigs_of_other_programs_are_taken(client):
     check_problem(client.post("/v1/rigs", files={"file": left.encode()}, data={"size": "big"}), 422, "640x480")
 
 
+def test_board_pictures_become_a_rig(client, data, tmp_path):
+    folder = data / "calibration" / "board_10x7"
+    files = [
+        (side, (path.name, path.read_bytes()))
+        for side in ("left", "right")
+        for path in sorted(folder.glob(f"{side}*"))[:4]
+    ]
+    form = {"board": "10x7", "square": "30", "label": "the real board"}
+    answer = client.post("/v1/calibrations", files=files, data=form, headers={"Idempotency-Key": "boards"})
+    assert answer.status_code == 202, answer.text
+    assert answer.json()["kind"] == "calibration" and answer.json()["options"] == {"board": "10x7", "square": 30.0}
+    assert [each["name"] for each in answer.json()["inputs"]][:2] == ["left000.jpg", "left001.jpg"]
+    again = client.post("/v1/calibrations", files=files, data=form, headers={"Idempotency-Key": "boards"})
+    assert again.status_code == 200 and again.json()["id"] == answer.json()["id"]
+    ended = wait_for(client, answer.json()["id"])
+    assert ended["state"] == "done", ended["error"]
+    rig = client.get(f"/v1/rigs/{ended['rig']}").json()
+    assert rig["calibration"] == ended["id"] and rig["name"] == "the real board"
+    assert 0 < rig["summary"]["rms_px"] < 0.5 and rig["summary"]["baseline"] == pytest.approx(100, abs=1)
+    names = {item["name"] for item in client.get(ended["links"]["files"]).json()["items"]}
+    assert {"rig.json", "report.html", "calibration.json", "coverage-left.svg"} <= names
+    (tmp_path / "rig.json").write_bytes(client.get(rig["links"]["file"]).content)
+    assert Rig.load(tmp_path / "rig.json").baseline == pytest.approx(rig["summary"]["baseline"])
+
+
+def test_what_is_wrong_with_boards_is_one_line(client, raw_folder):
+    left, right = ((side, file) for side, file in pair_of(raw_folder).items())
+    good = {"board": "10x7", "square": "30"}
+    for files, fields, *said in (
+        ([left, left, right], good, "left has 2 pictures, right has 1"),
+        ([left, right], {"board": "10x7"}, "square is missing"),
+        ([left, right], {**good, "board": "large"}, "large", "10x7"),
+        ([left, right], {**good, "board": "2x2"}, "2"),
+        ([left, right], {**good, "square": "wide"}, "square = 'wide'", "mm"),
+        ([left, right], {**good, "square": "nan"}, "square"),
+        ([left, right], {**good, "square": "-3"}, "square"),
+        ([left, right], {**good, "dictionary": "5x5_250"}, "marker"),
+        ([left, right], {**good, "marker": "40"}, "40"),
+        ([left, right], {**good, "pairs": "1"}, "'pairs' is no field"),
+        ([left], good, "right is missing"),
+    ):
+        check_problem(client.post("/v1/calibrations", files=files, data=fields), 422, *said)
+
+
 def test_pages_of_jobs_are_whole_and_in_order(client, raw_folder, rig):
     made = [post_pair(client, raw_folder, rig, label=f"page {n}").json()["id"] for n in range(5)]
     seen, path = [], "/v1/jobs?limit=2"
@@ -288,7 +332,8 @@ def test_pages_of_jobs_are_whole_and_in_order(client, raw_folder, rig):
     for job in made:
         wait_for(client, job)
     assert all(job["state"] == "done" for job in client.get("/v1/jobs?state=done&limit=200").json()["items"])
-    assert client.get("/v1/jobs?kind=calibration").json()["items"] == []
+    kinds = {job["kind"] for job in client.get("/v1/jobs?kind=reconstruction&limit=200").json()["items"]}
+    assert kinds == {"reconstruction"}
 
 
 def test_cancel_restart_and_delete(client, raw_folder, rig, served):
@@ -339,10 +384,51 @@ def test_a_full_queue_says_when_to_come_back(served, client, raw_folder, rig, mo
     assert not list(served.service.folders.uploads.iterdir()), "what was sent is removed"
 
 
-def test_json_that_is_none_or_too_large(client):
-    # No route of its own takes JSON here; what is sent beside the point is not read either.
-    check_problem(client.post(f"/v1/jobs/{ABSENT}/cancel", content=b"x" * (2 << 20)), 413, "1048576")
-    assert client.post(f"/v1/jobs/{ABSENT}/cancel", content=b"{").status_code == 404
+def test_a_body_that_is_no_json_or_too_large(client, served):
+    mask = f"/v1/outlines/{ABSENT}/mask"
+    check_problem(client.post(mask, content=b"{", headers={"Content-Type": "application/json"}), 400, "JSON")
+    check_problem(client.post(mask, content=b"{}", headers={"Content-Type": "text/plain"}), 415, "text/plain")
+    check_problem(client.post(mask, json={"wanted": 3}), 422, "wanted = 3")
+    check_problem(client.post(mask, json={"wanted": [], "colour": 1}), 422, "colour")
+    check_problem(client.post(mask, json={}), 404)
+    nested = b'{"wanted": ' + b"[" * 100_000
+    assert client.post(mask, content=nested, headers={"Content-Type": "application/json"}).status_code in (400, 422)
+    # Whatever it says it is, and with or without a token: the framework would read it first.
+    for kind in ("application/json", "multipart/form-data; boundary=x", "text/plain"):
+        with served.client("") as nobody:
+            for path in (mask, f"/v1/jobs/{ABSENT}/cancel", "/v1/nothing"):
+                answer = nobody.post(path, content=b"x" * (1 << 21), headers={"Content-Type": kind})
+                check_problem(answer, 413, "1048576")
+
+    def endless():
+        for _ in range(64):
+            yield b"[" * (1 << 16)
+
+    check_problem(client.post(mask, content=endless(), headers={"Content-Type": "application/json"}), 413, "1048576")
+
+
+def test_a_body_that_comes_slowly_is_given_up(served):
+    import asyncio
+
+    from stereo_gpu.service.bodies import SmallBodies
+
+    said = []
+
+    async def crumbs():
+        await asyncio.sleep(0.02)
+        return {"type": "http.request", "body": b" ", "more_body": True}
+
+    async def send(message):
+        said.append(message)
+
+    async def ask():
+        slow = SmallBodies(served.app, seconds=0.2, uploads=())
+        headers = [(b"host", b"localhost"), (b"content-type", b"application/json")]
+        scope = {"type": "http", "method": "POST", "path": f"/v1/outlines/{ABSENT}/mask", "headers": headers}
+        await slow({**scope, "query_string": b"", "http_version": "1.1", "scheme": "http"}, crumbs, send)
+
+    asyncio.run(ask())
+    assert said[0]["status"] == 408 and b"over 0.2 s" in said[1]["body"]
 
 
 def test_every_answer_has_the_headers_that_keep_a_browser_safe(client, served, done):

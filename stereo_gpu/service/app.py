@@ -14,6 +14,8 @@ from stereo_gpu.service.problems import install_problems
 from stereo_gpu.service.security import Guard, hosts_of
 from stereo_gpu.service.service import Service
 
+UPLOADS = ("/v1/rigs", "/v1/jobs", "/v1/calibrations", "/v1/outlines")
+
 
 def create_app(service: Service) -> FastAPI:
     """The app of an open service; who serves it closes the service afterwards.
@@ -36,6 +38,6 @@ def create_app(service: Service) -> FastAPI:
     install_problems(app)
     install_document(app)
     # The last one added is the outermost.
-    app.add_middleware(SmallBodies, seconds=service.settings.idle_seconds)
+    app.add_middleware(SmallBodies, seconds=service.settings.idle_seconds, uploads=UPLOADS)
     app.add_middleware(Guard, hosts=hosts_of(service.settings))
     return app
