@@ -24,7 +24,6 @@ SAID = {
     404: "no such thing, or another client's",
     408: "the request came too slowly",
     409: "the thing is not in a state for this",
-    411: "no length where one is needed",
     413: "too large",
     415: "not the type of body that is wanted",
     416: "the range lies outside of the file",
