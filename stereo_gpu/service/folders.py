@@ -1,14 +1,4 @@
-"""Where the service keeps its files: every path is made here, from ids of 32 hexadecimal digits and nothing else.
-
-    DATA/service.sqlite3        the table
-    DATA/token, DATA/lock       the first token; held while a service runs
-    DATA/rigs/ID/rig.json
-    DATA/jobs/ID/inputs/        as they were sent
-    DATA/jobs/ID/try-N.part/    what a try has made so far
-    DATA/jobs/ID/result/        of the try that ended well; manifest.json says what is in it
-    DATA/jobs/ID/steps/         pictures of steps
-    DATA/outlines/ID/           views to paint on
-    DATA/uploads/X.part/        what is being sent, and what is being removed
+"""The files of the service: taken, published, removed and swept; `paths.py` says where each one lies.
 
 Folders move in one step, and what they hold reaches the disk before: nobody sees half of anything.
 """
@@ -17,79 +7,23 @@ from __future__ import annotations
 
 import errno
 import os
-import re
 import secrets
 import shutil
 from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from pathlib import Path
 
 from stereo_gpu.errors import InputError
 from stereo_gpu.service.manifest import Manifest, flush_file, flush_folder, read_manifest, seal
-from stereo_gpu.service.refusals import DiskFull, NotFound, StoreError
-
-_ID = re.compile(r"[0-9a-f]{32}")
-_STEP = re.compile(r"[a-z0-9][a-z0-9-]{0,39}")
-_TRY = re.compile(r"try-[0-9]+\.part")
-_UPLOAD = re.compile(r"[0-9a-f]{32}\.part")
+from stereo_gpu.service.owning import own
+from stereo_gpu.service.paths import ID, TRY, UPLOAD, Paths
+from stereo_gpu.service.refusals import DiskFull, StoreError
 
 
-class Folders:
+class Folders(Paths):
     """The data folder of a service; makes paths, and moves what belongs together in one step."""
 
     seal = staticmethod(seal)  # what a worker does last: see there
-
-    def __init__(self, root: str | os.PathLike[str]) -> None:
-        self.root = Path(root).absolute()
-        self.database = self.root / "service.sqlite3"
-        self.token_file = self.root / "token"
-        self.lock = self.root / "lock"
-        self.jobs = self.root / "jobs"
-        self.rigs = self.root / "rigs"
-        self.outlines = self.root / "outlines"
-        self.uploads = self.root / "uploads"
-
-    def job(self, id: str) -> Path:
-        """The folder of a job.
-
-        Raises:
-            NotFound: the id is none; so do all that take one.
-        """
-        return self.jobs / _checked(id)
-
-    def inputs(self, id: str) -> Path:
-        """The folder of the pictures that a job was sent with."""
-        return self.job(id) / "inputs"
-
-    def attempt(self, id: str, number: int) -> Path:
-        """The folder that the try of this number writes."""
-        return self.job(id) / f"try-{int(number)}.part"
-
-    def result(self, id: str) -> Path:
-        """The folder of a job's result."""
-        return self.job(id) / "result"
-
-    def steps(self, id: str) -> Path:
-        """The folder of the pictures of a job's steps."""
-        return self.job(id) / "steps"
-
-    def step(self, id: str, name: str) -> Path:
-        """The picture of a step.
-
-        Raises:
-            NotFound: `name` is no name of a step.
-        """
-        if not _STEP.fullmatch(name):
-            raise NotFound(f"there is no step {name[:60]!r}: ask for the job")
-        return self.steps(id) / f"{name}.jpg"
-
-    def rig(self, id: str) -> Path:
-        """The file of a rig, in a folder of its own."""
-        return self.rigs / _checked(id) / "rig.json"
-
-    def outline(self, id: str) -> Path:
-        """The folder of a view to paint on."""
-        return self.outlines / _checked(id)
 
     def new_upload(self) -> Path:
         """A new folder, for what is being sent.
@@ -177,7 +111,7 @@ class Folders:
     def clear(self, id: str) -> None:
         """Remove what tries of a job have left, when none is under way."""
         for part in _parts(self.job(id)):
-            if _TRY.fullmatch(part.name):
+            if TRY.fullmatch(part.name):
                 shutil.rmtree(part, ignore_errors=True)
 
     def remove_job(self, id: str) -> None:
@@ -207,14 +141,14 @@ class Folders:
         Returns:
             How many folders went. What bears no name of ours is never touched.
         """
-        unwanted = [part for part in _parts(self.uploads) if _UPLOAD.fullmatch(part.name)]
-        unwanted += [part for part in _parts(self.outlines) if _ID.fullmatch(part.name)]
+        unwanted = [part for part in _parts(self.uploads) if UPLOAD.fullmatch(part.name)]
+        unwanted += [part for part in _parts(self.outlines) if ID.fullmatch(part.name)]
         for part in (*_parts(self.jobs), *_parts(self.rigs)):
-            if _ID.fullmatch(part.name) and part.name not in known:
+            if ID.fullmatch(part.name) and part.name not in known:
                 unwanted.append(part)
         for id in set(known) - set(busy):
             # There may be a hundred thousand of them: no path is made where there is nothing to remove.
-            unwanted += [self.job(id) / name for name in _names(self.job(id)) if _TRY.fullmatch(name)]
+            unwanted += [self.job(id) / name for name in _names(self.job(id)) if TRY.fullmatch(name)]
         gone = 0
         for part in unwanted:
             with suppress(OSError, StoreError):  # it may have gone by itself; what stays is swept the next time
@@ -223,22 +157,9 @@ class Folders:
                     gone += 1
         return gone
 
-    @contextmanager
-    def own(self) -> Iterator[None]:
-        """Make the folder if it is missing, and keep every other service out of it until the block ends.
-
-        Raises:
-            InputError: another service has it, it holds files that are none of ours, or it cannot be written.
-        """
-        self._make()
-        held = os.open(self.lock, os.O_RDWR | os.O_CREAT, 0o600)
-        try:
-            _lock(self.root, held)
-            os.ftruncate(held, 0)
-            os.write(held, f"{os.getpid()}\n".encode())
-            yield
-        finally:
-            os.close(held)
+    def own(self) -> AbstractContextManager[None]:
+        """Make the folder if it is missing, and keep every other service out of it; see `owning.own`."""
+        return own(self)
 
     def keep_token(self, token: str) -> Path:
         """Write the token where only the owner of the folder can read it; returns the file.
@@ -258,18 +179,6 @@ class Folders:
             flush_folder(self.root)
         return self.token_file
 
-    def _make(self) -> None:
-        try:
-            self.root.mkdir(mode=0o700, parents=True, exist_ok=True)
-            held = {part.name for part in self.root.iterdir() if not part.name.startswith(".")} - {"lost+found"}
-            if held and not held & {self.lock.name, self.database.name}:
-                raise InputError(f"{self.root} holds other files, such as {min(held)}: name a new or an empty folder")
-            self.lock.touch(mode=0o600)  # first: it tells that the folder is ours
-            for folder in (self.jobs, self.rigs, self.outlines, self.uploads):
-                folder.mkdir(mode=0o700, exist_ok=True)
-        except OSError as error:
-            raise InputError(f"cannot write to {self.root}: {error.strerror or error}; name another folder") from error
-
     def _remove(self, folder: Path) -> None:
         with _written(folder):
             if folder.exists():
@@ -284,12 +193,6 @@ class Folders:
             shutil.rmtree(away, ignore_errors=True)
         else:
             away.unlink(missing_ok=True)
-
-
-def _checked(id: str) -> str:
-    if not _ID.fullmatch(id):
-        raise NotFound(f"{id[:40]!r} is no id: ids are 32 hexadecimal digits")
-    return id
 
 
 def _names(folder: Path) -> list[str]:
@@ -318,20 +221,4 @@ def _written(path: Path) -> Iterator[None]:
             raise DiskFull(f"cannot write {path}: the disk is full; make room") from error
         raise StoreError(
             f"cannot write {path}: {cause.strerror or cause}; see that the folder can be written"
-        ) from error
-
-
-def _lock(root: Path, held: int) -> None:
-    if os.name != "posix":
-        return
-    import fcntl
-
-    try:
-        fcntl.flock(held, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        process = os.pread(held, 20, 0).decode(errors="replace").strip() or "unknown"
-        raise InputError(f"process {process} serves {root} already: end it, or name another folder") from error
-    except OSError as error:
-        raise InputError(
-            f"{root} cannot be locked ({error.strerror or error}): name a folder on a file system that knows locks"
         ) from error
