@@ -168,11 +168,11 @@ def test_an_ending_is_kept_whole(store, clock):
     assert (kept.state, kept.ended, kept.bytes, kept.fraction, kept.error) == (State.DONE, 1002.0, 500, 1.0, None)
 
 
-def test_an_ending_names_the_stage_that_heartbeats_have_not_told_of(store):
+def test_a_failure_names_its_stage_and_reason(store):
     said, silent = put(store, count=2)
     leases = store.lease("o", 2, 30)
     store.beat("o", {said: ("match", 0.4), silent: ("match", 0.4)}, 30)
-    failed = {"state": State.FAILED, "error": "no surface"}
+    failed = {"state": State.FAILED, "error": "no \udcff surface"}
     stages = ("mesh", None)
     store.finish(
         [
@@ -181,6 +181,7 @@ def test_an_ending_names_the_stage_that_heartbeats_have_not_told_of(store):
         ]
     )
     assert [store.any_job(job).stage for job in (said, silent)] == ["mesh", "match"]
+    assert store.any_job(said).error == "no ? surface"
 
 
 def test_a_calibration_ends_with_its_rig_or_not_at_all(store):

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from stereo_gpu.service.records import Job, Lease, RigRecord, State
-from stereo_gpu.service.store.part import Part, dump, insert_rig, job_of
+from stereo_gpu.service.store.part import Part, dump, insert_rig, job_of, plain
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,7 +119,7 @@ class Leases(Part):
                         "number": ending.number,
                         "state": ending.state,
                         "now": now,
-                        "error": ending.error,
+                        "error": None if ending.error is None else plain(ending.error),
                         "stage": ending.stage,
                         "warnings": dump(list(ending.warnings)),
                         "seconds": dump(dict(ending.seconds)),
