@@ -16,8 +16,8 @@ from stereo_gpu.service.endings import end_badly, end_well, find_outcome
 from stereo_gpu.service.folders import Folders
 from stereo_gpu.service.live import Live
 from stereo_gpu.service.metrics import Metrics
-from stereo_gpu.service.order import WorkOrder
-from stereo_gpu.service.records import Lease, State
+from stereo_gpu.service.order import order_of
+from stereo_gpu.service.records import State
 from stereo_gpu.service.settings import MEGABYTE, Settings
 from stereo_gpu.service.settling import Settling
 from stereo_gpu.service.store import Store
@@ -25,6 +25,7 @@ from stereo_gpu.service.under_way import Entry, UnderWay
 
 LEASED_EACH = 2  # jobs under way a worker: one that is done while the next one's order is there already
 LOOK_S = 2.0  # for new jobs, even if nobody rang
+MOVED_S = 1.0  # between two times that those who wait are told
 AGAIN_S = 1.0  # after the table or the disk failed
 LATE_S = 5.0  # after its grace, when a stop waits no longer for answers
 
@@ -66,7 +67,17 @@ class Dispatcher:
         self._bell = threading.Event()
         self._stop_by: float | None = None
         self._beat_at = self._lease_at = 0.0
-        self._reclaimed = self._short = False
+        self._moved_at = 0.0
+        self._reclaimed = self._short = self._moved = False
+        self._steps = (
+            self._reclaim_all,
+            self._settle,
+            self._write,
+            self._give_back,
+            self._beat,
+            self._lease,
+            self._tell_queue,
+        )
         self._thread = threading.Thread(target=self._run, name="stereo-gpu dispatcher", daemon=True)
 
     def start(self) -> None:
@@ -109,7 +120,7 @@ class Dispatcher:
             self._bell.wait(self._idle_s())
             self._bell.clear()
             failed = False
-            for step in (self._reclaim_all, self._settle, self._write, self._give_back, self._beat, self._lease):
+            for step in self._steps:
                 try:
                     step()
                 except Exception:  # nothing may end this thread; what was not done is still to be done
@@ -211,7 +222,13 @@ class Dispatcher:
                 log.exception("a job cannot begin", extra={"job": entry.id})
                 self._settling.not_begun(entry, error)
                 self._lease_at = time.monotonic() + AGAIN_S
-        if leases:
+        self._moved |= bool(leases)
+
+    def _tell_queue(self) -> None:
+        """Say that places in the queue have changed; each who waits then asks the table, so not too often."""
+        now = time.monotonic()
+        if self._moved and now - self._moved_at >= MOVED_S:
+            self._moved, self._moved_at = False, now
             self._live.queue_moved()
 
     def _begin(self, entry: Entry) -> None:
@@ -222,7 +239,7 @@ class Dispatcher:
             self._settling.end(entry, end_well(self._folders, entry.lease, outcome, seconds))
             self.wake()
             return
-        order = self._order(entry.lease)
+        order = order_of(entry.lease, self._store)
         if order is None:
             gone = InputError(f"its rig {job.rig} is there no more: send the job again with another")
             self._settling.end(entry, end_badly(entry.lease, gone, 0.0))
@@ -245,25 +262,6 @@ class Dispatcher:
     def _answered(self, entry: Entry, answer: Answer) -> None:
         self._answers.put((entry, answer))
         self.wake()
-
-    def _order(self, lease: Lease) -> WorkOrder | None:
-        """What the worker is told; None where the job's rig is gone."""
-        job = lease.job
-        check = str(job.options.get("check", "first"))
-        if job.rig is not None and check == "first":
-            rig = self._store.rig(job.client, job.rig)
-            if rig is None:
-                return None
-            check = "rows" if rig.checked else "full"
-        return WorkOrder(
-            job=job.id,
-            number=lease.number,
-            kind=job.kind,
-            options=job.options,
-            inputs=tuple(picture.name for picture in job.inputs),
-            rig=job.rig,
-            check=check,
-        )
 
     def _is_disk_short(self) -> bool:
         """Whether there is too little room to begin: half of what is spared, when uploads have long been refused."""

@@ -11,6 +11,7 @@ from stereo_gpu.service.settings import Settings
 from stereo_gpu.service.store import Store
 
 EVERY_S = 600.0
+LAST_S = 5.0  # for a sweep that is under way at a stop
 
 log = logging.getLogger("stereo_gpu.service")
 
@@ -28,10 +29,10 @@ class Housekeeping:
         self._thread.start()
 
     def stop(self) -> None:
-        """End, after the sweep that is under way."""
+        """End, after the sweep that is under way, or without it: what it leaves is swept the next time."""
         self._over.set()
         if self._thread.ident is not None:
-            self._thread.join()
+            self._thread.join(LAST_S)
 
     def _run(self) -> None:
         while not self._over.is_set():

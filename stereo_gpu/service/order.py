@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from stereo_gpu.pipeline import STAGES
-from stereo_gpu.service.records import Kind
+from stereo_gpu.service.records import Kind, Lease
+from stereo_gpu.service.store import Store
 
 STEP = "step:"  # how a worker's word begins that says of which step there is a picture now
 STEPS = ("rectified", "masked", "disparity", "mesh", "textured")  # in the order in which they appear
@@ -39,6 +40,29 @@ class WorkOrder:
     inputs: tuple[str, ...]
     rig: str | None
     check: str = "full"
+
+
+def order_of(lease: Lease, store: Store) -> WorkOrder | None:
+    """What a worker is told of a leased job; None where its rig is gone.
+
+    With the check "first" a rig is checked in full until a pair of it was right, and by the rows of maps from then on.
+    """
+    job = lease.job
+    check = str(job.options.get("check", "first"))
+    if job.rig is not None and check == "first":
+        rig = store.rig(job.client, job.rig)
+        if rig is None:
+            return None
+        check = "rows" if rig.checked else "full"
+    return WorkOrder(
+        job=job.id,
+        number=lease.number,
+        kind=job.kind,
+        options=job.options,
+        inputs=tuple(picture.name for picture in job.inputs),
+        rig=job.rig,
+        check=check,
+    )
 
 
 def stages_of(kind: Kind) -> tuple[str, ...]:
