@@ -171,6 +171,7 @@ class _Held:
 
 def _import_ray() -> Any:
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # nothing is reported to anybody
+    os.environ.setdefault("RAY_ENABLE_AUTO_CONNECT", "0")  # no late call starts a cluster that nobody ends
     import ray
 
     return ray
