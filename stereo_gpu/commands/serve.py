@@ -6,6 +6,7 @@ The extra `service` is needed: pip install "stereo-gpu[service]".
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -149,6 +150,11 @@ def _serve(settings: Settings, options: argparse.Namespace) -> None:
             listener.close()
             raise
         server.serve(service, settings, listener, lambda address: _tell(service, settings, address))
+    if settings.engine == "inline":
+        # Its thread may be inside a compiler or a kernel still, and Python's own end would tear it apart: SIGABRT.
+        for stream in (sys.stdout, sys.stderr):
+            stream.flush()
+        os._exit(0)
 
 
 def _tell(service: Service, settings: Settings, address: str) -> None:
@@ -170,7 +176,7 @@ def _change_clients(settings: Settings, new: str | None, gone: str | None) -> No
     folders = Folders(settings.data)
     if not folders.database.is_file():
         raise InputError(f"{settings.data} is no folder of a service yet: start it there once without this option")
-    store = Store(folders.database)
+    store = Store(folders.database, create=False)
     try:
         if gone is not None:
             if gone not in store.clients():
