@@ -74,7 +74,7 @@ class Visit:
     def __init__(self, browser, served, token=None, size=(1100, 800), **context):
         self.served = served
         self._context = browser.new_context(viewport={"width": size[0], "height": size[1]}, **context)
-        self._context.set_default_timeout(30_000)
+        self._context.set_default_timeout(60_000)
         self.page = self._context.new_page()
         self.wrong = []
         self.page.on("pageerror", lambda error: self.wrong.append(str(error)))
@@ -85,7 +85,7 @@ class Visit:
     def close(self):
         self._context.close()
 
-    def until(self, expression, seconds=30):
+    def until(self, expression, seconds=60):
         """Wait until this is true on the page; Playwright's own way needs eval, which the page's policy forbids."""
         end = time.monotonic() + seconds
         while not self.page.evaluate(expression):

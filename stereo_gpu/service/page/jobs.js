@@ -11,7 +11,7 @@ const EVERY = 3000; // ms between looks at jobs that still go on; with none, fou
 const LIMIT = 24;
 const LARGEST_INPUT = 3e6; // bytes: a picture as it was sent stands in for a step's up to this size
 
-/** Show a page of jobs; state, kind and after stand in the address. */
+/** Show a page of jobs; state, kind, limit and after stand in the address. */
 export function show(main, { query, signal }) {
   const state = choice([["", "all"], ...["queued", "running", "done", "failed", "cancelled"].map((name) => [name, stateWords(name)])],
     query.get("state") ?? "", go);
@@ -25,7 +25,7 @@ export function show(main, { query, signal }) {
     make("div", { class: "columns filters" }, field("State", state), field("Kind", kind)), told, failed, grid, pages);
 
   function go() {
-    location.hash = address({ state: state.value, kind: kind.value });
+    location.hash = address({ ...chosen(), state: state.value, kind: kind.value });
   }
 
   function update({ items, next }) {
@@ -49,11 +49,11 @@ export function show(main, { query, signal }) {
     ].filter(Boolean);
     if (links.map(String).join() !== [...pages.children].map(String).join()) pages.replaceChildren(...links);
   }
-  const chosen = () => ({ state: query.get("state"), kind: query.get("kind") });
+  const chosen = () => ({ state: query.get("state"), kind: query.get("kind"), limit: query.get("limit") });
 
   (async () => {
     const wanted = new URLSearchParams({ limit: LIMIT });
-    for (const name of ["state", "kind", "after"]) if (query.get(name)) wanted.set(name, query.get(name));
+    for (const name of ["state", "kind", "limit", "after"]) if (query.get(name)) wanted.set(name, query.get(name));
     while (!signal.aborted) {
       let lively = false;
       try {
