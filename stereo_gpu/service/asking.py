@@ -16,7 +16,7 @@ MOST_A_PAGE = 200
 _bearer = HTTPBearer(auto_error=False, scheme_name="token", description="What `stereo-gpu serve` printed at first.")
 
 
-def service_of(request: Request) -> Service:
+async def service_of(request: Request) -> Service:  # not worth a thread
     """The service that the app was made for."""
     service: Service = request.app.state.service
     return service

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Iterator
 
 from anyio.to_thread import run_sync
 
 from stereo_gpu.service.live import Live
 from stereo_gpu.service.models import JobView
+from stereo_gpu.service.records import State
 
 MEDIA_TYPE = "text/event-stream"
 COMMENT_S = 10.0  # so that a proxy keeps the connection, and both ends see when it is gone
+PLACE_S = 1.0  # between two events of a job that only moved up in the queue, which all of its streams hear of
 LEAST_S = 0.1  # between two events: stages of a small job are shorter than an eye or a connection can follow
 
 
@@ -30,7 +32,7 @@ class Streams:
             bell.ring()
 
     @contextlib.contextmanager
-    def _open(self, live: Live, job: str):  # type: ignore[no-untyped-def]
+    def _open(self, live: Live, job: str) -> Iterator[_Bell]:
         bell = _Bell()
         self._bells.add(bell)
         live.subscribe(job, bell.ring)
@@ -67,6 +69,8 @@ class Streams:
                 await asyncio.sleep(LEAST_S)
                 if not await bell.wait(COMMENT_S):
                     yield b": still here\n\n"
+                elif view.state is State.QUEUED:
+                    await bell.wait_for(lambda: self.stopping or live.progress(job) is not None, PLACE_S)
 
 
 class _Bell:
@@ -79,6 +83,12 @@ class _Bell:
     def ring(self) -> None:
         with contextlib.suppress(RuntimeError):  # the loop has ended, and the stream with it
             self._loop.call_soon_threadsafe(self._rung.set)
+
+    async def wait_for(self, come_true: Callable[[], bool], seconds: float) -> None:
+        """Return when it has rung and this is so, or after so long."""
+        until = self._loop.time() + seconds
+        while not come_true() and (left := until - self._loop.time()) > 0:
+            await self.wait(left)
 
     async def wait(self, seconds: float) -> bool:
         """Whether it rang since it was asked the last time, or rings within so long."""
