@@ -33,7 +33,13 @@ def pictures(raw_folder):
 @pytest.fixture(scope="module")
 def made(small_scene, raw_folder):
     """One reconstruction from files."""
-    stages = []
+    stages, shown = [], {}
+
+    def show(name, thing):
+        shown[name] = thing
+        after[name] = stages[-1]
+
+    after = {}
     result = sg.reconstruct(
         raw_folder / "left.png",
         str(raw_folder / "right.png"),
@@ -41,8 +47,21 @@ def made(small_scene, raw_folder):
         profile="fast",
         mesh=sg.MeshOptions(faces=4000),
         progress=stages.append,
+        show=show,
     )
     assert tuple(stages) == STAGES
+    # Each thing is handed over as soon as it is there, and is what the result holds.
+    assert after == {
+        "pair": "rectify",
+        "wanted": "mask",
+        "disparity": "close",
+        "points": "triangulate",
+        "surface": "mesh",
+        "smoothed": "decimate",
+        "mesh": "texture",
+    }
+    assert shown.pop("wanted") is result.mask
+    assert all(thing is getattr(result, name) for name, thing in shown.items())
     return result
 
 
