@@ -33,13 +33,12 @@ def pictures(raw_folder):
 @pytest.fixture(scope="module")
 def made(small_scene, raw_folder):
     """One reconstruction from files."""
-    stages, shown = [], {}
+    stages, shown, after = [], {}, {}
 
     def show(name, thing):
         shown[name] = thing
         after[name] = stages[-1]
 
-    after = {}
     result = sg.reconstruct(
         raw_folder / "left.png",
         str(raw_folder / "right.png"),
