@@ -19,6 +19,8 @@ from serve_load_server import Server
 from stereo_gpu.config import MeshOptions
 from stereo_gpu.pipeline import reconstruct
 from stereo_gpu.rig import Rig
+from stereo_gpu.service.audit import audit
+from stereo_gpu.service.folders import Folders
 from stereo_gpu.service.store import Store
 
 NAMES = ("anna", "bert", "cleo", "dora")  # clients with tokens of their own, besides the owner
@@ -184,9 +186,10 @@ def _look_again(seen: Seen, expected: list[str], jobs: int) -> list[str]:
 
 def _check_table(data: Path, jobs: int) -> list[str]:
     """What is wrong with the table and the folders of a service that has ended."""
-    store = Store(data / "service.sqlite3")
+    folders = Folders(data)
+    store = Store(folders.database, create=False)
     try:
-        broken = [f"the table: {line}" for line in store.check()]
+        broken = [f"the table: {line}" for line in audit(store, folders)]
         counts = {str(state): count for state, count in store.counts().items() if count}
     finally:
         store.close()
