@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import signal
 import sys
 import tempfile
 from pathlib import Path
@@ -30,13 +31,15 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rate", action="store_true", help="measure instead of killing")
     parser.add_argument("--jobs", type=int, default=1000, help="in all (%(default)s)")
-    parser.add_argument("--pairs", type=int, default=40, help="different ones among them (%(default)s)")
+    parser.add_argument("--pairs", type=int, help="different ones among them (40; 200 with --rate)")
     parser.add_argument("--clients", type=int, default=16, help="that post at once (%(default)s)")
     parser.add_argument("--kill-every", type=float, default=5.0, metavar="S", help="a worker, on average (%(default)s)")
     parser.add_argument("--unwrap", choices=("view", "charts"), default="view", help="of the models (%(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of what is killed when (%(default)s)")
     parser.add_argument("--backend", help="where to compute; by default the best device")
     options = parser.parse_args()
+    options.pairs = options.pairs or (200 if options.rate else 40)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # by way of what ends the server
     machine = describe_machine()
     print(f"{machine['processor']}; load average before it began: {os.getloadavg()[0]:.1f}", flush=True)
     try:

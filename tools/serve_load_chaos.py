@@ -57,7 +57,11 @@ def load_in_chaos(options: argparse.Namespace, folder: Path) -> list[str]:
     expected = _library_models(folder, rig, options)
     print(f"{options.pairs} pairs, and their models by the library", flush=True)
     backend = [] if options.backend is None else ["--backend", options.backend]
-    server = Server(folder / "data", "--tries", str(TRIES), "--spare-gb", "0", *backend)
+    with Server(folder / "data", "--tries", str(TRIES), "--spare-gb", "0", *backend) as server:
+        return _run(server, folder, expected, options)
+
+
+def _run(server: Server, folder: Path, expected: list[str], options: argparse.Namespace) -> list[str]:
     seen, over = Seen(), threading.Event()
     tokens = [server.token, *(server.new_token(name) for name in NAMES)]
     rigs = [Client(server.url, token).add_rig(folder / "rig.json") for token in tokens]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import shutil
 import statistics
+import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from datetime import datetime
@@ -16,12 +17,16 @@ from serve_load_chaos import service_options
 from serve_load_client import Client
 from serve_load_server import Server
 
+from stereo_gpu.errors import StereoError
+
 LEAST_SHARE = 0.85  # of the rate of batch
 MOST_OVERHEAD_S = 0.015  # a job, of the processor's time
-MOST_GROWTH_MB = 30.0  # of the server, and of its largest process, over the second half of the jobs
+MOST_GROWTH_MB = 30.0  # of the server, and of its largest process, over the second half of the time
 ALONE = 40  # jobs sent one after another
 QUICK_S = 0.01  # how often is asked for one that is alone
 SLOW_S = 0.2  # and for all
+WATCH_S = 1.0  # how often memory is looked at
+TENTHS = 10  # so many of these are shown
 
 
 def measure_rate(options: argparse.Namespace, folder: Path) -> list[str]:
@@ -30,7 +35,15 @@ def measure_rate(options: argparse.Namespace, folder: Path) -> list[str]:
     rig.save(folder / "rig.json")
     backend = [] if options.backend is None else ["--backend", options.backend]
     batch_rate, batch_cpu = _batch(options, folder, backend)
-    server = Server(folder / "data", "--spare-gb", "0", *backend)
+    with Server(folder / "data", "--spare-gb", "0", *backend) as server:
+        broken = _measure(server, folder, options, batch_rate, batch_cpu)
+        server.stop()
+    return broken
+
+
+def _measure(
+    server: Server, folder: Path, options: argparse.Namespace, batch_rate: float, batch_cpu: float
+) -> list[str]:
     client = Client(server.url, server.token)
     id = client.add_rig(folder / "rig.json")
     pairs = [
@@ -38,21 +51,18 @@ def measure_rate(options: argparse.Namespace, folder: Path) -> list[str]:
         for number in range(options.pairs)
     ]
     asked = service_options(options.unwrap)
-    try:
-        broken = []
-        _post_all(server, pairs, id, asked, options.pairs, options.clients)  # the check of the rig, and all caches
-        rate, cpu, sizes = _full_load(server, pairs, id, asked, options)
-        print(f"service: {rate:.2f} jobs/s, {rate / batch_rate:.2f} of batch's rate")
-        print(f"CPU a job: {cpu:.4f} s, batch {batch_cpu:.4f} s, {1000 * (cpu - batch_cpu):+.1f} ms")
-        if rate < LEAST_SHARE * batch_rate:
-            broken.append(f"its rate is {rate / batch_rate:.2f} of batch's, not {LEAST_SHARE:g}")
-        if cpu - batch_cpu > MOST_OVERHEAD_S:
-            broken.append(f"a job costs {1000 * (cpu - batch_cpu):.1f} ms more than in batch, not {MOST_OVERHEAD_S:g}")
-        broken += _tell_memory(sizes)
-        _tell_alone(client, pairs, id, asked)
-        _half_load(server, pairs, id, asked, rate / 2, min(options.jobs, 200))
-    finally:
-        server.stop()
+    broken = []
+    _post_all(server, pairs, id, asked, options.pairs, options.clients)  # the check of the rig, and all caches
+    rate, cpu, sizes = _full_load(server, pairs, id, asked, options)
+    print(f"service: {rate:.2f} jobs/s, {rate / batch_rate:.2f} of batch's rate")
+    print(f"CPU a job: {cpu:.4f} s, batch {batch_cpu:.4f} s, {1000 * (cpu - batch_cpu):+.1f} ms")
+    if rate < LEAST_SHARE * batch_rate:
+        broken.append(f"its rate is {rate / batch_rate:.2f} of batch's, not {LEAST_SHARE:g}")
+    if cpu - batch_cpu > MOST_OVERHEAD_S:
+        broken.append(f"a job costs {1000 * (cpu - batch_cpu):.1f} ms more than in batch, not {MOST_OVERHEAD_S:g}")
+    broken += _tell_memory(sizes)
+    _tell_alone(client, pairs, id, asked)
+    _half_load(server, pairs, id, asked, rate / 2, min(options.jobs, 200))
     return broken
 
 
@@ -98,27 +108,37 @@ def _post_all(
 def _full_load(
     server: Server, pairs: list[tuple[bytes, ...]], rig: str, asked: dict[str, Any], options: argparse.Namespace
 ) -> tuple[float, float, list[tuple[float, float]]]:
-    """Jobs a second, CPU seconds a job of server and workers, and their memory after each tenth of the jobs."""
-    share, sizes, ended = max(1, options.jobs // 10), [], 0
-    began = sum(server.cpu())
-    start = time.perf_counter()
-    while ended < options.jobs:
-        jobs = _post_all(server, pairs, rig, asked, share, options.clients)
-        lost = [job for job in jobs if job["state"] != "done"]
-        assert not lost, lost[0]["error"]
-        ended += share
-        sizes.append(server.memory())
-    return ended / (time.perf_counter() - start), (sum(server.cpu()) - began) / ended, sizes
+    """Jobs a second, CPU seconds a job of server and workers, and their memory at equal times on the way."""
+    sizes, over = [], threading.Event()
+
+    def watch() -> None:
+        while not over.wait(WATCH_S):
+            sizes.append(server.memory())
+
+    watcher = threading.Thread(target=watch)
+    began, start = sum(server.cpu()), time.perf_counter()
+    watcher.start()
+    try:
+        jobs = _post_all(server, pairs, rig, asked, options.jobs, options.clients)
+    finally:
+        taken = time.perf_counter() - start
+        over.set()
+        watcher.join()
+    lost = [job for job in jobs if job["state"] != "done"]
+    if lost:
+        raise StereoError(f"job {lost[0]['id']} is {lost[0]['state']}: {lost[0]['error']}")
+    cpu = (sum(server.cpu()) - began) / len(jobs)
+    return len(jobs) / taken, cpu, sizes[:: max(1, len(sizes) // TENTHS)]
 
 
 def _tell_memory(sizes: list[tuple[float, float]]) -> list[str]:
     broken = []
     for name, column in (("server", 0), ("largest process", 1)):
         values = [size[column] for size in sizes]
-        print(f"memory of the {name}, MB after each tenth: {', '.join(f'{value:.0f}' for value in values)}")
+        print(f"memory of the {name}, MB, at each tenth of the time: {', '.join(f'{value:.0f}' for value in values)}")
         if values[-1] - values[len(values) // 2] > MOST_GROWTH_MB:
             broken.append(
-                f"the {name} grows: {values[len(values) // 2]:.0f} MB at half of the jobs, then {values[-1]:.0f}"
+                f"the {name} grows: {values[len(values) // 2]:.0f} MB at half of the time, then {values[-1]:.0f}"
             )
     return broken
 

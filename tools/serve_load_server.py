@@ -61,6 +61,7 @@ class Server:
             except httpx.HTTPError:
                 pass
             time.sleep(0.1)
+        self.kill()
         raise StereoError(f"the server is not ready after {START_S:g} s")
 
     def kill(self) -> None:
@@ -68,6 +69,13 @@ class Server:
         assert self._process is not None
         self._process.kill()
         self._process.wait()
+
+    def __enter__(self) -> Server:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._process is not None and self._process.poll() is None:
+            self.kill()
 
     def stop(self) -> int:
         """SIGTERM; its exit status."""
