@@ -97,7 +97,7 @@ def _run(folder: Path, count: int, chance: random.Random) -> int:
     pairs = list_pairs(folder / "pairs")
     print(f"{SIZE[0]} x {SIZE[1]} x {DISPARITIES}, fast, about {FACES} triangles; {describe_machine()['processor']};")
     print(f"{len(os.sched_getaffinity(0))} cores, load average before it began: {os.getloadavg()[0]:.1f}\n")
-    print("| batch | pairs | pairs/s | tries lost | failed | wrong |")
+    print("| batch | pairs | pairs/s | kills | failed | wrong |")
     print("| --- | ---: | ---: | ---: | ---: | ---: |")
     _batch("warm", pairs[:4], rig, folder, workers=2)  # so that no compiler runs while a clock does
     expected = _batch("two local processes", pairs, rig, folder, workers=2)

@@ -13,12 +13,14 @@ import logging
 import os
 import secrets
 import shutil
+import signal
 import socket
 import tempfile
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
+from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -29,6 +31,7 @@ CONNECT_S = 60.0
 END_S = 20.0
 STORE_BYTES = 128 << 20  # of Ray's object store, besides what each worker adds; jobs go by paths, answers are small
 STORE_BYTES_EACH = 64 << 20
+FOLDER = "stereo-gpu-ray-"
 
 _changing = threading.Lock()
 _users = 0
@@ -59,6 +62,7 @@ def connect(address: str | None, cpus: int) -> None:
         if not _users:
             _end = _join(address) if address is not None else _start(cpus)
             _address = address
+            _take_back_sigterm()
         _users += 1
 
 
@@ -105,10 +109,7 @@ def _start(cpus: int) -> Callable[[], None] | None:
     if ray.is_initialized():
         return None
     ray._raylet.Config.initialize("")  # it may have been loaded before; Ray does this where it sets the mode itself
-    # The names of its sockets are long, and a system takes 107 characters; the usual temporary folder may be deep.
-    folder = None
-    if "RAY_TMPDIR" not in os.environ:
-        folder = tempfile.mkdtemp(prefix="stereo-gpu-", dir="/tmp" if os.path.isdir("/tmp") else None)  # noqa: PTH112
+    folder = None if "RAY_TMPDIR" in os.environ else _make_folder()
     options = {
         "address": "local",
         "num_cpus": cpus,
@@ -117,6 +118,17 @@ def _start(cpus: int) -> Callable[[], None] | None:
         "_temp_dir": folder,
     }
     return _Held(options, folder).end
+
+
+def _make_folder() -> str:
+    """A folder for what Ray keeps, and away with those of processes that were killed."""
+    # The names of its sockets are long, and a system takes 107 characters; the usual temporary folder may be deep.
+    above = Path("/tmp") if Path("/tmp").is_dir() else Path(tempfile.gettempdir())
+    for old in above.glob(f"{FOLDER}*"):
+        owner = old.name.removeprefix(FOLDER).partition("-")[0]
+        if owner.isdigit() and Path("/proc/self").exists() and not Path("/proc", owner).exists():
+            shutil.rmtree(old, ignore_errors=True)
+    return tempfile.mkdtemp(prefix=f"{FOLDER}{os.getpid()}-", dir=above)
 
 
 class _Held:
@@ -167,6 +179,12 @@ class _Held:
         self._thread.join(END_S if self._ready.done() else 0.0)
         if self._folder is not None:
             shutil.rmtree(self._folder, ignore_errors=True)
+
+
+def _take_back_sigterm() -> None:
+    """Have SIGTERM as it was: Ray puts a handler before Python's that prints a stack first."""
+    if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGTERM) is not None:
+        signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGTERM))
 
 
 def _import_ray() -> Any:
