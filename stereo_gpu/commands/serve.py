@@ -1,4 +1,4 @@
-"""Serve pairs in, models out, over HTTP, with a page to do so by hand.
+"""Serve pairs in, models out, over HTTP, with a page.
 
 The extra `service` is needed: pip install "stereo-gpu[service]".
 """
@@ -54,12 +54,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     given.add_argument("--remove-token", metavar="NAME", help="make the tokens of this client worthless, and end")
     given = parser.add_argument_group("what it says")
-    given.add_argument(
+    choice = given.add_mutually_exclusive_group()
+    choice.add_argument(
         "--json-logs",
-        action=argparse.BooleanOptionalAction,
+        action="store_true",
         default=None,
-        help="one JSON object a line on stderr; by default where stderr is no terminal",
+        help="one JSON object a line on stderr, as by default where that is no terminal",
     )
+    choice.add_argument("--plain-logs", dest="json_logs", action="store_false", help="plain lines, as on a terminal")
 
 
 def run(options: argparse.Namespace) -> None:
