@@ -1,6 +1,7 @@
 // Whether the service answers: one line on top of the page while it does not, and pauses that grow until it does.
 
-const FIRST = 500, LONGEST = 8000; // ms
+const FIRST = 500,
+  LONGEST = 8000; // ms
 
 const line = () => document.getElementById("connection");
 

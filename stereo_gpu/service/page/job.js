@@ -17,7 +17,8 @@ export function show(main, { id, signal }) {
   const state = make("span", { class: "state" });
   const told = make("p", { role: "status", class: "now" }, "Loading …");
   const bar = make("progress", { max: 1, "aria-label": "progress", hidden: true });
-  const failed = alertLine(), refused = alertLine();
+  const failed = alertLine(),
+    refused = alertLine();
   const warnings = make("section", { class: "warnings", hidden: true });
   const result = make("div", {});
   const steps = make("div", { class: "figures" });
@@ -26,14 +27,25 @@ export function show(main, { id, signal }) {
   const inputs = make("div", { class: "figures small" });
   const cancel = button("Cancel", () => act("cancel", "POST", "/cancel"));
   const restart = button("Start again", () => act("start again", "POST", "/restart"));
-  const remove = button("Delete", () => confirm("Delete this job with its pictures and its result?") && act("delete", "DELETE", ""));
+  const remove = button(
+    "Delete",
+    () => confirm("Delete this job with its pictures and its result?") && act("delete", "DELETE", ""),
+  );
   const other = make("a", { class: "button", href: `#/new?from=${id}`, hidden: true }, "Same pair, other options");
   main.append(
     make("div", { class: "head" }, title, state, make("p", { class: "buttons" }, cancel, restart, other, remove)),
-    refused, make("section", { class: "card" }, told, bar, failed), warnings, result, stepsPart,
-    make("div", { class: "two" },
+    refused,
+    make("section", { class: "card" }, told, bar, failed),
+    warnings,
+    result,
+    stepsPart,
+    make(
+      "div",
+      { class: "two" },
       make("section", {}, make("h2", {}, "Stages"), make("div", { class: "card" }, stages.element)),
-      make("section", {}, make("h2", {}, "Pictures as they were sent"), inputs)));
+      make("section", {}, make("h2", {}, "Pictures as they were sent"), inputs),
+    ),
+  );
   const shown = { steps: new Map(), inputs: false, result: false, tries: null };
   let attempt = scope(signal);
 
@@ -49,8 +61,11 @@ export function show(main, { id, signal }) {
     bar.hidden = job.state !== "running";
     bar.value = job.fraction ?? 0;
     say(told, words(job));
-    say(failed, job.state === "failed" ? job.error ?? "It failed, and nothing says why." : "");
-    listWarnings(warnings, (job.warnings ?? []).filter((line) => !line.startsWith(NEXT)));
+    say(failed, job.state === "failed" ? (job.error ?? "It failed, and nothing says why.") : "");
+    listWarnings(
+      warnings,
+      (job.warnings ?? []).filter((line) => !line.startsWith(NEXT)),
+    );
     stages.update(job);
     if (shown.tries !== job.tries || (shown.result && job.state !== "done")) newTry(job.tries);
     for (const { name, href } of job.steps ?? []) if (!shown.steps.has(name)) addStep(name, href);
@@ -70,7 +85,12 @@ export function show(main, { id, signal }) {
   }
 
   function addStep(name, href) {
-    const figure = make("figure", { class: name === "rectified" ? "wide" : null }, picture(href, stepWords(name), attempt.signal), make("figcaption", {}, stepWords(name)));
+    const figure = make(
+      "figure",
+      { class: name === "rectified" ? "wide" : null },
+      picture(href, stepWords(name), attempt.signal),
+      make("figcaption", {}, stepWords(name)),
+    );
     shown.steps.set(name, figure);
     steps.append(figure);
   }
@@ -79,8 +99,14 @@ export function show(main, { id, signal }) {
     shown.inputs = true;
     for (const input of job.inputs ?? []) {
       const size = `${input.width} × ${input.height} px`;
-      inputs.append(make("figure", {}, picture(input.href, input.given || input.name, signal, { lazy: true }),
-        make("figcaption", {}, `${input.given || input.name}, ${size}`)));
+      inputs.append(
+        make(
+          "figure",
+          {},
+          picture(input.href, input.given || input.name, signal, { lazy: true }),
+          make("figcaption", {}, `${input.given || input.name}, ${size}`),
+        ),
+      );
     }
   }
 
@@ -119,7 +145,12 @@ export function show(main, { id, signal }) {
     } catch (error) {
       if (signal.aborted) return;
       say(told, "");
-      say(refused, error instanceof Refused && error.status === 404 ? "There is no such job: it was deleted, or is another client's." : error.message);
+      say(
+        refused,
+        error instanceof Refused && error.status === 404
+          ? "There is no such job: it was deleted, or is another client's."
+          : error.message,
+      );
       for (const each of [cancel, restart, remove]) each.hidden = true;
     }
   }
@@ -144,7 +175,10 @@ function words(job) {
   }
   const when = momentWords(job.ended ?? job.created);
   const taken = job.seconds?.total === undefined ? "" : ` in ${secondsWords(job.seconds.total)}`;
-  return { done: `Done${taken}, ${when}.`, failed: `Failed ${when}.`, cancelled: `Cancelled ${when}.` }[job.state] ?? job.state;
+  return (
+    { done: `Done${taken}, ${when}.`, failed: `Failed ${when}.`, cancelled: `Cancelled ${when}.` }[job.state] ??
+    job.state
+  );
 }
 
 function listWarnings(box, lines) {
@@ -153,5 +187,12 @@ function listWarnings(box, lines) {
   box.dataset.text = text;
   box.hidden = !lines.length;
   const heading = lines.length === 1 ? "Warning" : `${lines.length} warnings`;
-  box.replaceChildren(make("h2", {}, heading), make("ul", {}, lines.map((line) => make("li", {}, line))));
+  box.replaceChildren(
+    make("h2", {}, heading),
+    make(
+      "ul",
+      {},
+      lines.map((line) => make("li", {}, line)),
+    ),
+  );
 }

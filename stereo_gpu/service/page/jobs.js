@@ -13,16 +13,33 @@ const LARGEST_INPUT = 3e6; // bytes: a picture as it was sent stands in for a st
 
 /** Show a page of jobs; state, kind, limit and after stand in the address. */
 export function show(main, { query, signal }) {
-  const state = choice([["", "all"], ...["queued", "running", "done", "failed", "cancelled"].map((name) => [name, stateWords(name)])],
-    query.get("state") ?? "", go);
-  const kind = choice([["", "all"], ["reconstruction", "models"], ["calibration", "calibrations"]], query.get("kind") ?? "", go);
+  const state = choice(
+    [["", "all"], ...["queued", "running", "done", "failed", "cancelled"].map((name) => [name, stateWords(name)])],
+    query.get("state") ?? "",
+    go,
+  );
+  const kind = choice(
+    [
+      ["", "all"],
+      ["reconstruction", "models"],
+      ["calibration", "calibrations"],
+    ],
+    query.get("kind") ?? "",
+    go,
+  );
   const told = make("p", { class: "soft", role: "status" }, "Loading …");
   const failed = alertLine();
   const grid = make("ul", { class: "grid" });
   const pages = make("nav", { class: "buttons", "aria-label": "Pages" });
   const cards = new Map();
-  main.append(make("h1", {}, "Jobs"),
-    make("div", { class: "columns filters" }, field("State", state), field("Kind", kind)), told, failed, grid, pages);
+  main.append(
+    make("h1", {}, "Jobs"),
+    make("div", { class: "columns filters" }, field("State", state), field("Kind", kind)),
+    told,
+    failed,
+    grid,
+    pages,
+  );
 
   function go() {
     location.hash = address({ ...chosen(), state: state.value, kind: kind.value });

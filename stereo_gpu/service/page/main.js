@@ -50,7 +50,8 @@ window.addEventListener("hashchange", () => {
   route();
 });
 window.addEventListener("unhandledrejection", (event) => {
-  if (event.reason?.name === "AbortError") event.preventDefault(); // a view that was left while it waited
+  if (event.reason?.name === "AbortError")
+    event.preventDefault(); // a view that was left while it waited
   else main.prepend(make("p", { class: "alert", role: "alert" }, String(event.reason?.message ?? event.reason)));
 });
 // A file that is dropped beside its place would be opened instead of the page.

@@ -45,7 +45,8 @@ export async function openStage(THREE, box, glb, signal) {
     redraw();
   };
   const fit = () => {
-    const width = Math.max(1, box.clientWidth), height = Math.max(1, box.clientHeight);
+    const width = Math.max(1, box.clientWidth),
+      height = Math.max(1, box.clientHeight);
     camera.aspect = width / height;
     camera.fov = Math.min(120, (360 / Math.PI) * Math.atan(Math.max(half.y, half.x / camera.aspect)));
     camera.updateProjectionMatrix();
@@ -77,14 +78,18 @@ export async function openStage(THREE, box, glb, signal) {
     renderer.render(scene, camera);
   };
   draw();
-  signal.addEventListener("abort", () => {
-    cancelAnimationFrame(frame);
-    watch.disconnect();
-    controls.dispose();
-    for (const each of materials) each.free();
-    renderer.dispose();
-    renderer.forceContextLoss();
-  }, { once: true });
+  signal.addEventListener(
+    "abort",
+    () => {
+      cancelAnimationFrame(frame);
+      watch.disconnect();
+      controls.dispose();
+      for (const each of materials) each.free();
+      renderer.dispose();
+      renderer.forceContextLoss();
+    },
+    { once: true },
+  );
   const show = (how) => {
     for (const each of materials) each.part.material = each[how];
     redraw();
@@ -100,7 +105,13 @@ function read(THREE, glb) {
     return { name: "texture_by_image" };
   });
   return new Promise((resolve, reject) =>
-    loader.parse(glb, "", ({ scene }) => resolve(scene), (error) => reject(new Error(`the model cannot be read: ${error.message}`))));
+    loader.parse(
+      glb,
+      "",
+      ({ scene }) => resolve(scene),
+      (error) => reject(new Error(`the model cannot be read: ${error.message}`)),
+    ),
+  );
 }
 
 /** Where the model is, and the tangents of the angles that hold it, seen from the left camera at the origin. */
@@ -127,7 +138,12 @@ function dress(THREE, model) {
   model.traverse((part) => {
     if (!part.isMesh) return;
     const photo = new THREE.MeshBasicMaterial({ map: part.material.map, side: THREE.DoubleSide });
-    const clay = new THREE.MeshPhongMaterial({ color: 0x96918a, shininess: 0, flatShading: true, side: THREE.DoubleSide });
+    const clay = new THREE.MeshPhongMaterial({
+      color: 0x96918a,
+      shininess: 0,
+      flatShading: true,
+      side: THREE.DoubleSide,
+    });
     const wire = new THREE.MeshBasicMaterial({ color: 0x5b7fb5, wireframe: true });
     part.material.dispose();
     part.material = photo;

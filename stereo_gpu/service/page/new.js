@@ -36,6 +36,7 @@ function build() {
   /** What the outline belongs to has changed: it goes. */
   function changed() {
     say(told, "");
+    say(paintFailed, "");
     closePainter("What was painted is gone: it belonged to other pictures, another rig or the other view.");
     paint.disabled = !(pair.files.left && pair.files.right && rigs.state.id);
     paint.title = paint.disabled ? "Choose both pictures and a rig first" : "";
@@ -58,7 +59,10 @@ function build() {
     say(paintFailed, "");
     say(paintTold, "Rectifying the pair …");
     try {
-      const outline = await openOutline({ ...pair.files, rig: rigs.state.id, reference: options.reference() }, stop.signal);
+      const outline = await openOutline(
+        { ...pair.files, rig: rigs.state.id, reference: options.reference() },
+        stop.signal,
+      );
       const gone = () => closePainter("The service has let go of this picture: open it again to paint on.");
       painting.painter = painter(outline, gone, stop.signal);
       area.replaceChildren(painting.painter.element);
@@ -74,8 +78,13 @@ function build() {
   async function submit(event) {
     event.preventDefault();
     say(told, "");
-    const lacks = [[pair.files.left, "the left picture"], [pair.files.right, "the right picture"], [rigs.state.id, "a rig"]]
-      .filter(([given]) => !given).map(([, name]) => name);
+    const lacks = [
+      [pair.files.left, "the left picture"],
+      [pair.files.right, "the right picture"],
+      [rigs.state.id, "a rig"],
+    ]
+      .filter(([given]) => !given)
+      .map(([, name]) => name);
     if (lacks.length) return say(told, `Choose ${lacks.join(" and ")} first.`);
     start.disabled = true;
     say(busy, "Sending the pair …");
@@ -103,25 +112,58 @@ function build() {
     data.append("options", given);
     if (label.value.trim()) data.append("label", label.value.trim());
     // Pressed again after an error the same wish has the same key; another wish, another one.
-    const files = ["left", "right"].map((side) => [pair.files[side].name, pair.files[side].size, pair.files[side].lastModified]);
+    const files = ["left", "right"].map((side) => [
+      pair.files[side].name,
+      pair.files[side].size,
+      pair.files[side].lastModified,
+    ]);
     const what = JSON.stringify([files, rigs.state.id, given, label.value, mask?.size]);
     if (what !== sent.what) sent = { what, key: newKey() };
     const headers = { "Idempotency-Key": sent.key };
     return persist(async () => body(await send("/v1/jobs", { method: "POST", body: data, headers }), "json"));
   }
 
-  const element = make("form", { submit, novalidate: true },
+  const element = make(
+    "form",
+    { submit, novalidate: true },
     make("h1", {}, "New model"),
-    make("section", { class: "card" }, make("h2", {}, "Pictures"),
-      make("p", { class: "soft" }, "One of each camera, taken at the same moment, as they came: not cropped, scaled or turned."), pair.element),
+    make(
+      "section",
+      { class: "card" },
+      make("h2", {}, "Pictures"),
+      make(
+        "p",
+        { class: "soft" },
+        "One of each camera, taken at the same moment, as they came: not cropped, scaled or turned.",
+      ),
+      pair.element,
+    ),
     make("section", { class: "card" }, make("h2", {}, "Rig"), rigs.element),
-    make("section", { class: "card" }, make("h2", {}, "What is wanted"),
-      make("p", { class: "soft" }, "Without this it is everything that both cameras see. Painting cuts an object out of its background."),
-      make("p", { class: "buttons" }, paint), paintTold, paintFailed, area),
-    make("section", { class: "card" }, make("h2", {}, "Options"), options.element,
-      field("Name of the job", label, "Only for you; may stay empty.")),
-    told, busy,
-    make("p", { class: "buttons" }, start));
+    make(
+      "section",
+      { class: "card" },
+      make("h2", {}, "What is wanted"),
+      make(
+        "p",
+        { class: "soft" },
+        "Without this it is everything that both cameras see. Painting cuts an object out of its background.",
+      ),
+      make("p", { class: "buttons" }, paint),
+      paintTold,
+      paintFailed,
+      area,
+    ),
+    make(
+      "section",
+      { class: "card" },
+      make("h2", {}, "Options"),
+      options.element,
+      field("Name of the job", label, "Only for you; may stay empty."),
+    ),
+    told,
+    busy,
+    make("p", { class: "buttons" }, start),
+  );
 
   /** Bring the rigs up to date; choose one, or the pair and the rig of an earlier job. */
   async function load(signal, rig, from) {

@@ -41,7 +41,7 @@ export class OutlineMask {
 
   async #run() {
     this.#running = true;
-    for (let answered = -1; answered !== this.#asked && !this.signal.aborted; ) {
+    for (let answered = -1; answered !== this.#asked && !this.signal.aborted;) {
       answered = this.#asked;
       const painted = this.#newest;
       let state = { mask: null, bitmap: null, error: "", busy: false };
@@ -62,7 +62,9 @@ export class OutlineMask {
 
   async #fetch(painted) {
     const answer = await send(`/v1/outlines/${this.id}/mask`, {
-      method: "POST", body: JSON.stringify(painted), signal: this.signal,
+      method: "POST",
+      body: JSON.stringify(painted),
+      signal: this.signal,
       headers: { "Content-Type": "application/json" },
     });
     return body(answer, "blob", this.signal);

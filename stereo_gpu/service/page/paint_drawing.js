@@ -1,7 +1,8 @@
 // What the painter's canvas shows: the picture, what is left out of it darkened, the strokes, the hand.
 
 const COLOURS = { wanted: "rgb(60 220 120 / .55)", unwanted: "rgb(255 70 90 / .55)", line: "#ffd23f" };
-const SHADE = 0xa5100a08, EDGE = 0xff3fd2ff; // dark and half clear; the line's yellow: alpha, blue, green, red
+const SHADE = 0xa5100a08,
+  EDGE = 0xff3fd2ff; // dark and half clear; the line's yellow: alpha, blue, green, red
 
 /** A mask as the picture to lay over the view, with the share that is wanted. */
 export function maskPicture(bitmap, width, height) {
@@ -17,9 +18,14 @@ export function maskPicture(bitmap, width, height) {
   for (let y = 0, index = 0; y < height; y++) {
     for (let x = 0; x < width; x++, index++) {
       const here = inside[index];
-      const edge = here && !(
-        inside[y * width + Math.max(0, x - reach)] && inside[y * width + Math.min(width - 1, x + reach)]
-        && inside[Math.max(0, y - reach) * width + x] && inside[Math.min(height - 1, y + reach) * width + x]);
+      const edge =
+        here &&
+        !(
+          inside[y * width + Math.max(0, x - reach)] &&
+          inside[y * width + Math.min(width - 1, x + reach)] &&
+          inside[Math.max(0, y - reach) * width + x] &&
+          inside[Math.min(height - 1, y + reach) * width + x]
+        );
       pixels[index] = edge ? EDGE : here ? 0 : SHADE;
     }
   }
@@ -68,7 +74,10 @@ function drawStroke(draw, { radius, points }, kind) {
 
 function drawCursor(draw, [x, y], thin, radius) {
   const arm = Math.max(radius, 8 * thin);
-  for (const [colour, width] of [["#000", 2.4 * thin], ["#fff", thin]]) {
+  for (const [colour, width] of [
+    ["#000", 2.4 * thin],
+    ["#fff", thin],
+  ]) {
     draw.strokeStyle = colour;
     draw.lineWidth = width;
     draw.beginPath();

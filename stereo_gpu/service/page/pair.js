@@ -7,11 +7,15 @@ import { bytesWords } from "./words.js";
 export const FORMATS = ".png,.jpg,.jpeg,.webp,.tif,.tiff,.bmp,.pgm,.ppm,.pnm,image/png,image/jpeg,image/webp";
 const SIDES = ["left", "right"];
 
-/** An element to choose a pair in; `changed()` is called when it has changed, and `files` holds the two or null, and `set` changes them. */
+/** An element to choose a pair in; `changed()` is called when it has changed, `files` holds the two or null. */
 export function pairChooser(changed) {
   const files = { left: null, right: null };
   const slots = Object.fromEntries(SIDES.map((side) => [side, slot(side, (file) => set({ [side]: file }))]));
-  const element = make("div", { class: "pair" }, SIDES.map((side) => slots[side].element));
+  const element = make(
+    "div",
+    { class: "pair" },
+    SIDES.map((side) => slots[side].element),
+  );
   const swap = button("Swap left and right", () => set({ left: files.right, right: files.left }));
 
   function set(given) {
@@ -21,7 +25,8 @@ export function pairChooser(changed) {
     changed();
   }
   whenDropped(element, (dropped, target) => {
-    if (dropped.length === 1) set({ [SIDES.find((side) => slots[side].element.contains(target)) ?? "left"]: dropped[0] });
+    if (dropped.length === 1)
+      set({ [SIDES.find((side) => slots[side].element.contains(target)) ?? "left"]: dropped[0] });
     else set(inOrder(dropped));
   });
   swap.disabled = true;
@@ -37,8 +42,7 @@ function inOrder(dropped) {
 }
 
 /** Files in the order of their names, 2 before 10. */
-export const byName = (files) =>
-  [...files].sort((a, b) => a.name.localeCompare(b.name, "en", { numeric: true }));
+export const byName = (files) => [...files].sort((a, b) => a.name.localeCompare(b.name, "en", { numeric: true }));
 
 /** Call `take(files, target)` for what is dropped on an element. */
 export function whenDropped(element, take) {
@@ -58,7 +62,11 @@ export function whenDropped(element, take) {
 }
 
 function slot(side, choose) {
-  const input = make("input", { type: "file", accept: FORMATS, change: () => input.files[0] && choose(input.files[0]) });
+  const input = make("input", {
+    type: "file",
+    accept: FORMATS,
+    change: () => input.files[0] && choose(input.files[0]),
+  });
   const told = make("p", { class: "soft name" });
   const image = make("img", { alt: "", hidden: true });
   const empty = make("p", { class: "empty", "aria-hidden": "true" }, `Drop the ${side} picture here, or both`);

@@ -25,16 +25,23 @@ export function picture(path, alt, signal, { lazy = false } = {}) {
 
 function near(image, signal) {
   return new Promise((resolve, reject) => {
-    const watch = new IntersectionObserver((entries) => {
-      if (!entries.some((entry) => entry.isIntersecting)) return;
-      watch.disconnect();
-      resolve();
-    }, { rootMargin: "300px" });
+    const watch = new IntersectionObserver(
+      (entries) => {
+        if (!entries.some((entry) => entry.isIntersecting)) return;
+        watch.disconnect();
+        resolve();
+      },
+      { rootMargin: "300px" },
+    );
     watch.observe(image);
-    signal.addEventListener("abort", () => {
-      watch.disconnect();
-      reject(signal.reason);
-    }, { once: true });
+    signal.addEventListener(
+      "abort",
+      () => {
+        watch.disconnect();
+        reject(signal.reason);
+      },
+      { once: true },
+    );
   });
 }
 

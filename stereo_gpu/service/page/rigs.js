@@ -16,10 +16,18 @@ const words = (rig) => {
 /** A list of this client's rigs, with a place to send one; `changed(id)` is told which one is chosen. */
 export function rigPicker(changed) {
   const list = make("select", { change: () => choose(list.value) });
-  const file = make("input", { type: "file", multiple: true, accept: ".json,.yml,.yaml,.xml,.mat,.txt", change: upload });
+  const file = make("input", {
+    type: "file",
+    multiple: true,
+    accept: ".json,.yml,.yaml,.xml,.mat,.txt",
+    change: upload,
+  });
   const stay = (event) => event.key === "Enter" && event.preventDefault(); // it would start the job
   const size = make("input", { type: "text", placeholder: "640x480", autocomplete: "off", keydown: stay });
-  const unit = choice([["", "what the file says, else mm"], ...["mm", "cm", "m", "in"].map((name) => [name, name])], "");
+  const unit = choice(
+    [["", "what the file says, else mm"], ...["mm", "cm", "m", "in"].map((name) => [name, name])],
+    "",
+  );
   const told = alertLine();
   const remove = button("Delete this rig", drop);
   const state = { id: "", rigs: [] };
@@ -34,7 +42,7 @@ export function rigPicker(changed) {
   async function load(signal, wanted = state.id) {
     const rigs = [];
     // All of them: who has more than a thousand rigs picks one by its address.
-    for (let path = "/v1/rigs?limit=100"; path && rigs.length < 1000; ) {
+    for (let path = "/v1/rigs?limit=100"; path && rigs.length < 1000;) {
       const page = await getJson(path, signal);
       rigs.push(...page.items);
       path = page.next;
@@ -45,7 +53,10 @@ export function rigPicker(changed) {
     }
     state.rigs = rigs;
     const none = rigs.length ? "Choose a rig" : "There is none yet: send one, or make one";
-    list.replaceChildren(make("option", { value: "" }, none), ...rigs.map((rig) => make("option", { value: rig.id }, words(rig))));
+    list.replaceChildren(
+      make("option", { value: "" }, none),
+      ...rigs.map((rig) => make("option", { value: rig.id }, words(rig))),
+    );
     const chosen = rigs.find((rig) => rig.id === wanted) ?? (rigs.length === 1 ? rigs[0] : null);
     if ((chosen?.id ?? "") !== state.id) choose(chosen?.id ?? "");
     else list.value = state.id; // the same one: what was painted with it stays
@@ -83,12 +94,33 @@ export function rigPicker(changed) {
   }
 
   remove.disabled = true;
-  const element = make("div", {},
+  const element = make(
+    "div",
+    {},
     field("Rig", list, "How the two cameras stand, from a calibration."),
-    field("Or send the file of one", file, "rig.json, or OpenCV's, ROS's, Matlab's, KITTI's or Middlebury's; two that belong together at once."),
-    make("details", {}, make("summary", {}, "Where that file does not say"), make("div", { class: "columns" },
-      field("Size of its pictures, px", size, "Before the file is sent."), field("Unit of its lengths", unit))),
-    make("p", { class: "buttons" }, make("a", { class: "button", href: "#/calibrate" }, "Make one from board pictures"), remove),
-    told);
+    field(
+      "Or send the file of one",
+      file,
+      "rig.json, or OpenCV's, ROS's, Matlab's, KITTI's or Middlebury's; two that belong together at once.",
+    ),
+    make(
+      "details",
+      {},
+      make("summary", {}, "Where that file does not say"),
+      make(
+        "div",
+        { class: "columns" },
+        field("Size of its pictures, px", size, "Before the file is sent."),
+        field("Unit of its lengths", unit),
+      ),
+    ),
+    make(
+      "p",
+      { class: "buttons" },
+      make("a", { class: "button", href: "#/calibrate" }, "Make one from board pictures"),
+      remove,
+    ),
+    told,
+  );
   return { element, state, load };
 }

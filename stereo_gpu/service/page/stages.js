@@ -23,7 +23,10 @@ export function stageList() {
       const { item, seconds } = rows.get(name);
       const taken = job.seconds?.[name];
       const running = job.state === "running" && index === at;
-      item.dataset.at = job.state === "failed" && index === at ? "bad" : running ? "now" : taken !== undefined || job.state === "done" ? "done" : "later";
+      item.dataset.at = "later";
+      if (taken !== undefined || job.state === "done") item.dataset.at = "done";
+      if (running) item.dataset.at = "now";
+      if (job.state === "failed" && index === at) item.dataset.at = "bad";
       if (running) item.setAttribute("aria-current", "step");
       else item.removeAttribute("aria-current");
       seconds.textContent = taken === undefined ? "" : secondsWords(taken);

@@ -57,13 +57,16 @@ export class Strokes {
 }
 
 /**
- * A rectangle [x, y, width, height] of whole pixels between two places, inside a picture of `size` [width, height]; null
- * if it is too small.
+ * A rectangle [x, y, width, height] of whole pixels between two places, inside a picture of `size` [width, height];
+ * null if it is too small.
  */
 export function rectangleBetween([x0, y0], [x1, y1], [width, height]) {
-  const within = (value, most) => Math.min(most, Math.max(0, Math.round(value + 0.5))); // a pixel begins half before its centre
-  const left = within(Math.min(x0, x1), width), right = within(Math.max(x0, x1), width);
-  const top = within(Math.min(y0, y1), height), bottom = within(Math.max(y0, y1), height);
+  // A pixel begins half a pixel before its centre.
+  const within = (value, most) => Math.min(most, Math.max(0, Math.round(value + 0.5)));
+  const left = within(Math.min(x0, x1), width),
+    right = within(Math.max(x0, x1), width);
+  const top = within(Math.min(y0, y1), height),
+    bottom = within(Math.max(y0, y1), height);
   return right - left >= 3 && bottom - top >= 3 ? [left, top, right - left, bottom - top] : null;
 }
 

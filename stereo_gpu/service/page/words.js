@@ -1,26 +1,52 @@
 // How things are called on the page.
 
 const STAGES = {
-  read: "Read the pictures", rig: "Read the rig", check: "Check the rig", rectify: "Rectify", mask: "Mask",
-  range: "Find the range of disparities", match: "Match", close: "Close holes", triangulate: "Triangulate",
-  mesh: "Make the mesh", smooth: "Smooth", decimate: "Decimate", unwrap: "Unwrap", texture: "Texture", save: "Save", find: "Find the board in the pictures", fit: "Fit the cameras",
+  read: "Read the pictures",
+  rig: "Read the rig",
+  check: "Check the rig",
+  rectify: "Rectify",
+  mask: "Mask",
+  range: "Find the range of disparities",
+  match: "Match",
+  close: "Close holes",
+  triangulate: "Triangulate",
+  mesh: "Make the mesh",
+  smooth: "Smooth",
+  decimate: "Decimate",
+  unwrap: "Unwrap",
+  texture: "Texture",
+  save: "Save",
+  find: "Find the board in the pictures",
+  fit: "Fit the cameras",
   report: "Draw the report",
 };
 const STEPS = {
-  rectified: "Rectified pair", masked: "Masked", disparity: "Disparity", points: "Points", mesh: "Mesh",
-  smoothed: "Smoothed mesh", textured: "Textured model",
+  rectified: "Rectified pair",
+  masked: "Masked",
+  disparity: "Disparity",
+  points: "Points",
+  mesh: "Mesh",
+  smoothed: "Smoothed mesh",
+  textured: "Textured model",
 };
 const FILES = {
   "rig.json": "The rig",
   "model.glb": "Model with its texture, for viewers, Blender, the web",
   "report.html": "Report with all pictures, opens offline",
-  "model.obj": "Model for older programs; needs the .mtl and the .png", "model.mtl": "Material of model.obj",
-  "model.png": "Texture of model.obj and model.ply", "model.ply": "Model for MeshLab",
-  "cloud.ply": "Coloured points", "surface.vtp": "Surface for ParaView",
-  "disparity.pfm": "Disparities as numbers", "disparity.png": "Disparities in colours",
+  "model.obj": "Model for older programs; needs the .mtl and the .png",
+  "model.mtl": "Material of model.obj",
+  "model.png": "Texture of model.obj and model.ply",
+  "model.ply": "Model for MeshLab",
+  "cloud.ply": "Coloured points",
+  "surface.vtp": "Surface for ParaView",
+  "disparity.pfm": "Disparities as numbers",
+  "disparity.png": "Disparities in colours",
   "result.json": "Options, times and counts",
   "calibration.json": "Errors of each view, advice",
-  "coverage-left.svg": "Drawing", "coverage-right.svg": "Drawing", "arrows-left.svg": "Drawing", "arrows-right.svg": "Drawing",
+  "coverage-left.svg": "Drawing",
+  "coverage-right.svg": "Drawing",
+  "arrows-left.svg": "Drawing",
+  "arrows-right.svg": "Drawing",
 };
 const STATES = { queued: "waiting", running: "running", done: "done", failed: "failed", cancelled: "cancelled" };
 
@@ -39,7 +65,8 @@ export const stateWords = (name) => STATES[name] ?? name;
 export function bytesWords(bytes) {
   if (bytes < 1000) return `${bytes} B`;
   const units = ["kB", "MB", "GB", "TB"];
-  let value = bytes / 1000, unit = 0;
+  let value = bytes / 1000,
+    unit = 0;
   while (value >= 999.5 && unit < units.length - 1) [value, unit] = [value / 1000, unit + 1];
   return `${value.toFixed(value < 10 ? 1 : 0)} ${units[unit]}`;
 }
