@@ -152,12 +152,15 @@ def test_a_bad_pair_fails_at_once_with_its_line_and_a_device_is_tried_again(tmp_
         [empty] = one.put(do=["nothing to do"])
         [device] = one.put(do=["device", "nothing"])
         [torn] = one.put(do=["torn", "nothing"])
+        [always] = one.put(do=["torn"])
         jobs = one.wait([bad, empty, device, torn])
         assert [job.state for job in jobs] == [State.FAILED, State.FAILED, State.DONE, State.DONE]
         assert [job.error for job in jobs[:2]] == ["the pair is bad", "nothing was left"]
         assert [job.tries for job in jobs] == [1, 1, 2, 2]
         assert one.count("stereo_gpu_tries_lost_total", reason="device") == 1
-        assert one.count("stereo_gpu_tries_lost_total", reason="result") == 1
+        [failed] = one.wait([always])
+        assert failed.error.startswith("its result could not be kept whole") and str(tmp_path) not in failed.error
+        assert one.count("stereo_gpu_tries_lost_total", reason="result") == 4
 
 
 def test_a_job_that_is_cancelled_ends_so_wherever_it_is(tmp_path):

@@ -218,9 +218,9 @@ class Dispatcher:
             self._live.begin(entry.id, lease.job.kind)
             try:
                 self._begin(entry)
-            except Exception as error:  # the table or the disk: the job must not stay between the two
+            except Exception:  # the table or the disk: the job must not stay between the two
                 log.exception("a job cannot begin", extra={"job": entry.id})
-                self._settling.not_begun(entry, error)
+                self._settling.not_begun(entry)
                 self._lease_at = time.monotonic() + AGAIN_S
         self._moved |= bool(leases)
 

@@ -67,8 +67,7 @@ class Settling:
             entry.failures += 1
             if entry.failures < MOST_FAILURES:
                 raise
-            log.exception("a result cannot take its place", extra={"job": entry.id})
-            self._try_again(entry, WorkerError(f"its result cannot take its place: {error}"), answer.seconds, "result")
+            self._lose_result(entry, answer, error)
 
     def _take(self, entry: Entry, answer: Answer, stopping: bool) -> None:
         error = answer.error
@@ -100,13 +99,19 @@ class Settling:
         except DiskFull:
             raise  # a little later there may be room
         except StoreError as error:
-            self._try_again(entry, error, answer.seconds, "result")
+            self._lose_result(entry, answer, error)
             return
         rig = entry.lease.job.rig
         if outcome.checked and rig is not None and rig not in self._right:
             self._store.mark_checked(rig)
             self._right.add(rig)
         self.end(entry, ending)
+
+    def _lose_result(self, entry: Entry, answer: Answer, error: Exception) -> None:
+        """A result that is not whole, or cannot be moved; why is the operator's business, for it names folders."""
+        log.error("a result cannot take its place: %s", error, exc_info=error, extra={"job": entry.id})
+        why = WorkerError("its result could not be kept whole: restart it, or ask whoever runs the service")
+        self._try_again(entry, why, answer.seconds, "result")
 
     def _try_again(self, entry: Entry, why: StereoError, seconds: float, reason: str) -> None:
         self._metrics.lost(reason)
@@ -119,9 +124,10 @@ class Settling:
             said = f"{why} (tried {tries} times)" if tries > 1 else str(why)
             self.end(entry, end_badly(entry.lease, WorkerError(said), seconds))
 
-    def not_begun(self, entry: Entry, error: Exception) -> None:
+    def not_begun(self, entry: Entry) -> None:
         """A job that could not be given to a worker: that counts as a try, or it might be the next one for ever."""
-        self._try_again(entry, WorkerError(f"it cannot begin: {error}"), 0.0, "begin")
+        why = WorkerError("it could not be given to a worker: restart it, or ask whoever runs the service")
+        self._try_again(entry, why, 0.0, "begin")
 
     def end(self, entry: Entry, ending: Ending) -> None:
         """Have a job end so, with the next `write`."""
