@@ -7,10 +7,9 @@ from contextlib import contextmanager
 from dataclasses import replace
 
 import httpx
-import uvicorn
 
 from stereo_gpu.service.app import create_app
-from stereo_gpu.service.server import configure, listen
+from stereo_gpu.service.server import Server, configure, listen
 from stereo_gpu.service.service import Service
 from stereo_gpu.service.settings import Settings
 
@@ -38,7 +37,7 @@ class Served:
 
         self.service = Service.open(self.settings)
         self.app = create_app(self.service)
-        self._server = uvicorn.Server(configure(self.app))
+        self._server = Server(configure(self.app))
         self._listener = listen(replace(self.settings, port=self._port))
         self._thread = threading.Thread(target=self._server.run, args=([self._listener],))
         self._thread.start()

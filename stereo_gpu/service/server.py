@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import errno
 import ipaddress
 import logging
@@ -126,7 +127,25 @@ def configure(app: FastAPI) -> uvicorn.Config:
     )
 
 
-class _Server(uvicorn.Server):
+class Server(uvicorn.Server):
+    """Uvicorn's, which at a stop forgets connections that were being taken just then: it waits for them in vain.
+
+    A browser opens such ones, for it comes back as soon as its stream ends.
+    """
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Close the connections that come while it closes the others, too."""
+        told = set(self.server_state.connections)
+        closing = asyncio.ensure_future(super().shutdown(sockets))
+        while not closing.done():
+            await asyncio.wait([closing], timeout=0.05)
+            for connection in self.server_state.connections - told:
+                told.add(connection)
+                connection.shutdown()
+        await closing
+
+
+class _Server(Server):
     """Stops the jobs before the connections, and leaves the exit status to its caller."""
 
     def __init__(
