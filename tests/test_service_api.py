@@ -228,7 +228,7 @@ def test_what_the_request_is_not(client, served):
         ("PUT", "/v1/jobs", "GET, POST"),
         ("PATCH", f"/v1/jobs/{ABSENT}", "DELETE, GET"),
         ("GET", f"/v1/jobs/{ABSENT}/cancel", "POST"),
-        ("DELETE", "/healthz", "GET"),
+        ("DELETE", "/healthz", "GET, HEAD"),
         ("BREW", "/v1/rigs", "GET, POST"),
     ):
         answer = client.request(method, path)
@@ -455,6 +455,7 @@ def test_health_readiness_and_metrics(client, served, done):
     with served.client("") as nobody:
         assert nobody.get("/healthz").json() == {"status": "ok"}
         assert nobody.get("/readyz").json() == {"status": "ready", "reasons": []}
+        assert nobody.head("/healthz").status_code == 200 == nobody.head("/readyz").status_code
     page = client.get("/metrics")
     assert page.headers["content-type"].startswith("text/plain")
     values = dict(line.rsplit(" ", 1) for line in page.text.splitlines() if not line.startswith("#"))

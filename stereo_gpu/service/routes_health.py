@@ -13,12 +13,15 @@ from stereo_gpu.service.openapi import body, wrong
 router = APIRouter(tags=["health"])
 
 
+# Some proxies and watchers ask with HEAD.
+@router.head("/healthz", include_in_schema=False)
 @router.get("/healthz", response_model=Health, responses=wrong())
 async def healthz() -> Response:
     """That the process answers."""
     return Response(Health(status="ok").model_dump_json(), media_type="application/json")
 
 
+@router.head("/readyz", include_in_schema=False)
 @router.get(
     "/readyz",
     response_model=Readiness,
