@@ -1,5 +1,7 @@
 """What Prometheus reads."""
 
+import sys
+
 from conftest import need_service
 
 need_service()
@@ -42,6 +44,8 @@ def test_every_figure_that_an_operator_watches(tmp_path):
     assert told["stereo_gpu_worker_memory_bytes", "0"] > 1e6
     assert told["stereo_gpu_device_free_bytes", "warp:cuda:0"] == 7
     assert told["stereo_gpu_disk_free_bytes",] > 0
+    if sys.platform == "linux":
+        assert told["process_resident_memory_bytes",] > 1e6
     executor.close()
 
 

@@ -7,7 +7,7 @@ import shutil
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
-from prometheus_client import CollectorRegistry, Counter, Histogram, generate_latest
+from prometheus_client import CollectorRegistry, Counter, Histogram, ProcessCollector, generate_latest
 from prometheus_client.core import GaugeMetricFamily, Metric
 from prometheus_client.exposition import CONTENT_TYPE_LATEST
 from prometheus_client.registry import Collector
@@ -60,6 +60,7 @@ class Metrics:
             buckets=_WAIT_SECONDS,
             registry=registry,
         )
+        ProcessCollector(registry=registry)  # memory, files and CPU seconds of the server itself
         self.registry.register(_Gauges(counts, executor, data, self._device_free))
 
     def accepted(self, kind: Kind) -> None:
