@@ -221,7 +221,9 @@ def make_model(
             result.save(staging, also=also, **saving)
             staging.rename(folder)
         except OSError as error:
-            raise InputError(f"cannot write {folder}: {error.strerror or error}; name another folder") from error
+            # An earlier try of the pair, whose node was thought lost, may have been quicker.
+            if not _is_done(folder, digest):
+                raise InputError(f"cannot write {folder}: {error.strerror or error}; name another folder") from error
         finally:
             shutil.rmtree(staging, ignore_errors=True)
     return {"triangles": len(result.mesh.faces), "warnings": tuple(result.warnings)}

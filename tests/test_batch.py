@@ -103,6 +103,22 @@ def test_a_second_batch_is_kept_out_of_the_folder(pairs, tmp_path):
     assert not list((tmp_path / "out").glob(".*"))
 
 
+def test_another_try_of_a_pair_may_be_quicker(pairs, tmp_path, monkeypatch):
+    """As where a node that was thought lost goes on: its result is as good."""
+    rename = Path.rename
+
+    def be_late(staging, target):
+        shutil.copytree(staging, target)
+        return rename(staging, target)
+
+    monkeypatch.setattr(Path, "rename", be_late)
+    rig, out, one = Rig.load(pairs / "rig.json"), tmp_path / "out", list_pairs(pairs)[:1]
+    options = {"profile": "fast", "disparities": (16, 44), "mesh": MeshOptions(faces=2000, unwrap="view")}
+    (outcome,) = reconstruct_batch(one, rig, out, engine="inline", **options)
+    assert outcome.error is None and tree(out) == [f"1/{name}" for name in MODEL]
+    assert not list(out.glob(".*"))
+
+
 def children(pid):
     """Processes of the group that a worker leads; each has its own."""
     found = []

@@ -10,10 +10,11 @@ from pathlib import Path
 import pytest
 from conftest import missing
 
-from stereo_gpu.batch import reconstruct_batch
+from stereo_gpu.batch import reconstruct_batch, refuse_unshared
 from stereo_gpu.batching.pair_list import ListedPair
 from stereo_gpu.cli import main
 from stereo_gpu.config import MeshOptions
+from stereo_gpu.errors import InputError
 from stereo_gpu.rig import Rig
 
 SOON_S = 60.0
@@ -41,6 +42,12 @@ def test_a_wrong_address_is_refused_at_once(ray, address, said, raw_folder, tmp_
     error = capsys.readouterr().err
     assert status == 2 and said in error and error.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_a_node_that_does_not_see_the_folder_is_refused(tmp_path):
+    refuse_unshared(tmp_path, rig=None)
+    with pytest.raises(InputError, match="put it on storage that all nodes share"):
+        refuse_unshared(tmp_path / "mark", rig=None)
 
 
 @pytest.fixture
