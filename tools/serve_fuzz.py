@@ -12,20 +12,19 @@ import json
 import re
 import socket
 import struct
-import subprocess
 import sys
 import tempfile
 import time
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import httpx
-import psutil
 from serve_fuzz_cases import Case, Cases, World, world_of
+from serve_fuzz_server import Memory, server
 
 from stereo_gpu.images import write_png
 from stereo_gpu.scene import build_scene
@@ -219,74 +218,6 @@ def listing(folder: Path) -> set[Path]:
     return set(folder.rglob("*"))
 
 
-# -- the server of the tool
-
-
-@contextmanager
-def server(home: Path, log: Path) -> Any:
-    """The service in a process of its own, as a person would start it but for smaller limits and shorter waits."""
-    with log.open("wb") as held:
-        process = subprocess.Popen(
-            [sys.executable, str(Path(__file__).resolve()), "--serve", str(home / "data")],
-            cwd=home,
-            stdout=subprocess.PIPE,
-            stderr=held,
-            env={"PATH": "/usr/bin:/bin", "HOME": str(home), "TMPDIR": str(home)},
-        )
-        try:
-            assert process.stdout is not None
-            token, other, port = process.stdout.readline().decode().split()
-            yield process, token, other, int(port)
-        finally:
-            process.terminate()
-            process.wait(60)
-
-
-def serve_here(data: Path) -> None:
-    """Run the server; prints two clients' tokens and the port."""
-    import logging
-
-    from stereo_gpu.service.server import listen, serve
-    from stereo_gpu.service.service import Service
-    from stereo_gpu.service.settings import Settings
-
-    logging.basicConfig(level=logging.INFO, stream=sys.stderr, format="%(levelname)s %(name)s %(message)s")
-    settings = Settings(
-        data=data,
-        port=0,
-        file_mb=2,
-        request_mb=5,
-        megapixels=4.0,
-        queue_limit=300,
-        job_seconds=60.0,
-        idle_seconds=3.0,
-        upload_seconds=12.0,
-        spare_gb=0.2,
-    )
-    listener = listen(settings)
-    service = Service.open(settings)
-    print(service.new_token, service.store.add_client("other"), listener.getsockname()[1], flush=True)
-    serve(service, settings, listener)
-
-
-class Memory:
-    """Resident memory of a server and of its workers, MB."""
-
-    def __init__(self, pid: int) -> None:
-        self._process = psutil.Process(pid)
-        self.server: list[float] = []
-        self.workers: list[float] = []
-
-    def look(self) -> None:
-        """Note it."""
-        self.server.append(self._process.memory_info().rss / 2**20)
-        largest = 0.0
-        for child in self._process.children(recursive=True):
-            with suppress(psutil.Error):
-                largest = max(largest, child.memory_info().rss / 2**20)
-        self.workers.append(largest)
-
-
 def run(count: int, seed: int, only: int | None) -> list[str]:
     """Start a server, attack it, and look at what is left; gives what went wrong."""
     with tempfile.TemporaryDirectory() as kept, tempfile.TemporaryDirectory() as around:
@@ -364,11 +295,7 @@ if __name__ == "__main__":
     parser.add_argument("--count", type=int, default=5000, help="cases (%(default)s)")
     parser.add_argument("--seed", type=int, default=7)
     parser.add_argument("--case", type=int, help="send this one alone")
-    parser.add_argument("--serve", type=Path, help=argparse.SUPPRESS)
     options = parser.parse_args()
-    if options.serve:
-        serve_here(options.serve)
-        sys.exit()
     wrong = run(options.count, options.seed, options.case)
     for line in wrong[:40]:
         print(line)
