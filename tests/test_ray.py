@@ -68,7 +68,7 @@ def test_a_cluster_of_ours_lets_no_stranger_in(ray_cluster):
     assert b"InvalidAuthToken" in said and b"in\n" not in said
 
 
-def test_it_has_no_dashboard_and_reports_to_nobody(ray_cluster):
+def test_it_has_no_dashboard_and_tells_nobody(ray_cluster):
     import ray
 
     assert not ray._private.worker._global_node.webui_url and os.environ["RAY_USAGE_STATS_ENABLED"] == "0"

@@ -86,6 +86,11 @@ class RayActor:
         """How the process is."""
         return None if self._process is None else self._process.state()
 
+    def stop(self) -> None:
+        """Ask the process to end."""
+        if self._process is not None:
+            self._process.stop()
+
     def end(self, grace_s: float) -> None:
         """End the process."""
         if self._process is not None:

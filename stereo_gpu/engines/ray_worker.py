@@ -116,7 +116,7 @@ class RayWorker:
                 if self._asked is not None and ray.wait([self._asked], timeout=0)[0]:
                     self._told, self._asked = ray.get(self._asked) or self._told, None
                 elif self._asked is None and self._actor is not None and time.monotonic() - self._asked_at > OLD_S:
-                    self._asked = self._actor.state.options(concurrency_group=CONTROL).remote()
+                    self._asked = self._tell_actor("state")
                     self._asked_at = time.monotonic()
         except ray.exceptions.RayError:
             self._asked = None
@@ -134,7 +134,10 @@ class RayWorker:
 
     def stop(self) -> None:
         """Ask its process to end."""
-        self._stopped = True
+        with self._changing:
+            if not self._stopped:
+                self._tell_actor("stop")
+            self._stopped = True
         self._warm = False
 
     def end(self, grace_s: float) -> None:
@@ -190,11 +193,11 @@ class RayWorker:
             tell(item)
         raise WorkerError("its worker ended without an answer: the job may go well another time")
 
-    def _tell_actor(self, verb: str, value: float) -> Any:
+    def _tell_actor(self, verb: str, *values: float) -> Any:
         """Call the actor beside its jobs, if there is one; gives what to wait for."""
         if self._actor is None:
             return None
-        return getattr(self._actor, verb).options(concurrency_group=CONTROL).remote(value)
+        return getattr(self._actor, verb).options(concurrency_group=CONTROL).remote(*values)
 
     def _failed(self, error: StereoError) -> Answer:
         return Answer(result=None, error=error, seconds=0.0, worker=self._number)
