@@ -8,7 +8,11 @@ import sys
 from pathlib import Path
 
 import pytest
-from serving import FAST, add_rig, pair_of, post_pair, wait_for
+from serving import add_rig, pair_of, post_pair, wait_for
+
+from stereo_gpu.images import write_png
+from stereo_gpu.scene import build_scene
+from stereo_gpu.scene_render import render_pair
 
 EXAMPLES = 5  # of each request and phase, besides those at the edges of what the document allows
 DOCUMENTED = re.compile(r"^\| `(GET|POST|DELETE) (\S+?)`", re.MULTILINE)
@@ -27,6 +31,17 @@ checks.positive_data_acceptance.expected-statuses = ["2xx", 401, 404, 409, 422, 
 def document(served):
     with served.client("") as nobody:
         return nobody.get("/openapi.json").json()
+
+
+@pytest.fixture(scope="module")
+def tiny_folder(tmp_path_factory):
+    """A pair and its rig, at a size at which the jobs that are taken cost little."""
+    scene = build_scene((160, 120))
+    folder = tmp_path_factory.mktemp("tiny")
+    for side, picture in zip(("left", "right"), render_pair(scene), strict=True):
+        write_png(folder / f"{side}.png", picture)
+    scene.rig.save(folder / "rig.json")
+    return folder
 
 
 def operations_of(document):
@@ -54,7 +69,7 @@ def test_every_error_of_the_document_is_a_problem(document):
     assert named <= set(document["components"]["schemas"])
 
 
-def test_schemathesis_finds_nothing(served, raw_folder, tmp_path):
+def test_schemathesis_finds_nothing(served, tiny_folder, tmp_path):
     from conftest import missing
 
     try:
@@ -63,13 +78,13 @@ def test_schemathesis_finds_nothing(served, raw_folder, tmp_path):
         missing("service", f"{error}; pip install schemathesis")
     with served.client(served.token_of("schemathesis")) as client:
         token = client.headers["authorization"]
-        rig = add_rig(client, raw_folder)
-        job = post_pair(client, raw_folder, rig, {**FAST, "steps": True}).json()["id"]
+        rig = add_rig(client, tiny_folder)
+        job = post_pair(client, tiny_folder, rig, {"profile": "fast", "steps": True}).json()["id"]
         wait_for(client, job)
-        outline = client.post("/v1/outlines", files=pair_of(raw_folder), data={"rig": rig}).json()["id"]
+        outline = client.post("/v1/outlines", files=pair_of(tiny_folder), data={"rig": rig}).json()["id"]
     configuration = tmp_path / "schemathesis.toml"
     configuration.write_text(CONFIGURATION)
-    given = {"folder": str(raw_folder), "rig": rig, "rigs": rig, "jobs": job, "outlines": outline}
+    given = {"folder": str(tiny_folder), "rig": rig, "rigs": rig, "jobs": job, "outlines": outline}
     command = [sys.executable, "-m", "schemathesis.cli", "--config-file", str(configuration), "run"]
     command += [f"{served.url}/openapi.json", "-H", f"Authorization: {token}", "--checks", "all", "--seed", "7"]
     command += ["--max-examples", str(EXAMPLES), "--request-timeout", "60", "--no-color", "--continue-on-failure"]
