@@ -135,8 +135,9 @@ class Server(uvicorn.Server):
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """Close the connections that come while it closes the others, too."""
-        told = set(self.server_state.connections)
         closing = asyncio.ensure_future(super().shutdown(sockets))
+        await asyncio.sleep(0)  # by now it has told those that are there
+        told = set(self.server_state.connections)
         while not closing.done():
             await asyncio.wait([closing], timeout=0.05)
             for connection in self.server_state.connections - told:
