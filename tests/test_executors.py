@@ -1,5 +1,6 @@
 """What every engine promises, asked of each of them."""
 
+import sys
 import threading
 import time
 import traceback
@@ -171,6 +172,12 @@ def test_closing_answers_all_and_takes_no_more(opened, tmp_path):
     assert not any(worker.busy for worker in executor.workers())
 
 
+def test_closing_amid_what_is_told_cancels_that_job(opened):
+    executor = opened(worker_tasks.go_through, tells=True)
+    running = executor.submit(([("read", 0.0), ("match", 0.1), ("mesh", 0.0)],), tell=lambda _: executor.close(0.0))
+    assert isinstance(taken(running).error, CancelledError)
+
+
 def test_a_listener_that_fails_costs_no_answer(opened, caplog):
     executor = opened(worker_tasks.take_time, tells=True)
 
@@ -190,6 +197,20 @@ def test_one_that_cannot_get_ready_says_so(opened):
         assert isinstance(answer.error, WorkerError) and "RuntimeError: no device is left" in str(answer.error)
         assert "\n" not in str(answer.error) and answer.worker is None
     assert not any(worker.warm for worker in executor.workers())
+
+
+def test_one_that_gives_up_while_it_gets_ready_says_so(opened):
+    answer = taken(opened(worker_tasks.double, prepare=sys.exit).submit((1,)))
+    assert isinstance(answer.error, WorkerError) and answer.worker is None
+
+
+def test_what_a_task_s_threads_tell_late_reaches_no_other_job(opened):
+    executor = opened(worker_tasks.tell_late, tells=True)
+    told = []
+    assert taken(executor.submit((0.05,))).result == "well"
+    time.sleep(0.1)
+    assert taken(executor.submit((0.0,), tell=told.append)).result == "well"
+    assert not told
 
 
 def test_many_threads_may_submit(opened):

@@ -109,6 +109,30 @@ def test_what_cannot_be_sent_is_a_fault_of_that_job_alone(started, monkeypatch):
     assert worker.do((2,)).result == 2 and worker.state().pid == before
 
 
+def test_a_job_is_nobodys_input(started):
+    worker = started(worker_tasks.read_input)
+    assert [worker.do((), Limits(seconds=SOON_S)).result for _ in range(2)] == ["", ""]
+
+
+def test_one_stopped_amid_an_import_was_cancelled(started):
+    """SIGTERM raises SystemExit there, of which an extension's import may make an error of its own."""
+    worker = started(worker_tasks.answer, prepare=worker_tasks.fail_when_stopped)
+    failed = []
+
+    def warm():
+        with pytest.raises(CancelledError) as raised:
+            worker.warm()
+        failed.append(raised.value)
+
+    thread = threading.Thread(target=warm)
+    thread.start()
+    wait_for(lambda: worker.state().pid is not None)
+    time.sleep(0.5)
+    worker.end(SOON_S)
+    thread.join(SOON_S)
+    assert failed
+
+
 def test_narrow_pipes_will_do(started, monkeypatch):
     """A user who is not root gets 64 MB of pipes in all; beyond that a pipe stays as it is."""
     import fcntl

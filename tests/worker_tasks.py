@@ -2,6 +2,9 @@
 
 import os
 import signal
+import subprocess
+import sys
+import threading
 import time
 from pathlib import Path
 
@@ -126,6 +129,14 @@ def prepare_slowly():
     time.sleep(1.0)
 
 
+def fail_when_stopped():
+    """What an extension does whose import is cut off."""
+    try:
+        time.sleep(60)
+    except SystemExit:
+        raise ImportError("it failed for many reasons") from None
+
+
 def answer(value):
     return value
 
@@ -148,6 +159,18 @@ def take_time(seconds, started=None, *, tell):
     return "well"
 
 
+def tell_late(seconds, *, tell):
+    """Leaves a thread that tells something once this is over."""
+    if seconds:
+        threading.Timer(seconds, tell, ("late",)).start()
+    return "well"
+
+
+def read_input():
+    """What is there to be read for a debugger, or for a program that a task starts."""
+    return sys.stdin.read() + subprocess.run(["cat"], stdout=subprocess.PIPE, text=True, check=True).stdout
+
+
 def grow(megabytes, *, tell):
     """Holds more and more memory."""
     held = []
@@ -160,9 +183,6 @@ def grow(megabytes, *, tell):
 
 def grow_in_a_child(megabytes):
     """Has a process of its own hold the memory."""
-    import subprocess
-    import sys
-
     script = f"import time; held = bytearray(b'1') * ({megabytes} << 20); time.sleep(30)"
     subprocess.run([sys.executable, "-c", script], check=True)
 

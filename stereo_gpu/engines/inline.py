@@ -52,7 +52,7 @@ class InlineWorker:
         if not self._ready and self._work.prepare is not None:
             try:
                 self._work.prepare(**self._arguments)
-            except Exception as error:
+            except BaseException as error:  # `sys.exit` too, which would end the one thread that does jobs
                 raise WorkerError(f"this process cannot get ready ({in_one_line(error)}): mend that first") from error
         self._ready = True
 

@@ -167,15 +167,14 @@ class WorkerProcess:
                     send(child.jobs, message)
                 refused = receive(child.answers)
         except (EOFError, OSError) as error:
-            raise self._end_of(watch, " before it was ready") from error
+            raise self._end_of(watch, when=" before it was ready") from error
         except Exception as error:  # what cannot be pickled: half a message may lie in the pipe
-            self._bury()
-            raise StageError(f"cannot be sent to another process: {error}") from error
+            raise self._end_of(watch, StageError(f"cannot be sent to another process: {error}")) from error
         finally:
             self._unwatch()
-        if refused is not None:
-            self._bury()
-            raise WorkerError(f"its process cannot get ready ({refused}): see that the device is free, and try again")
+        if refused is not None:  # be it because it was stopped amid an import, which then fails in its own way
+            reason = f"its process cannot get ready ({refused}): see that the device is free, and try again"
+            raise self._end_of(watch, WorkerError(reason))
         self._ready = True
 
     def _refuse_if_stopped(self) -> None:
@@ -198,8 +197,7 @@ class WorkerProcess:
         except (EOFError, OSError):
             return False, self._end_of(watch)
         except Exception as error:  # what cannot be pickled, here or there: half a message may lie in the pipe
-            self._bury()
-            return False, watch.why or StageError(f"cannot be sent to another process or back: {error}")
+            return False, self._end_of(watch, StageError(f"cannot be sent to another process or back: {error}"))
         finally:
             self._unwatch()
             if watch.why is not None:
@@ -230,9 +228,11 @@ class WorkerProcess:
         self._ready = False
         return 0 if self._child is None else self._child.bury()
 
-    def _end_of(self, watch: Watch, when: str = "") -> StereoError:
-        """Why the process is there no more, for whom it worked under a watch."""
+    def _end_of(self, watch: Watch, fault: StereoError | None = None, when: str = "") -> StereoError:
+        """Bury the process, and say why: it was stopped, or else by a fault, or else as its end itself tells."""
         status = self._bury()
         if watch.why is not None:
             return watch.why
-        return CancelledError("stopped before it was done") if self._stopped else tell_end(status, when)
+        if self._stopped:  # by `end`, which may have closed the pipes under a message
+            return CancelledError("stopped before it was done")
+        return fault or tell_end(status, when)

@@ -22,6 +22,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import IO, Any
 
 TOLD = "stage"
@@ -93,7 +94,15 @@ def main() -> None:
         threading.Thread(target=_end_as_orphan, args=(os.getppid(),), daemon=True).start()
     answers = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # whatever a library prints must not come between two answers
-    jobs = sys.stdin.buffer
+    jobs = os.fdopen(os.dup(0), "rb")
+    with Path(os.devnull).open("rb") as nothing:
+        os.dup2(nothing.fileno(), 0)  # nor must what a task starts, or a debugger in it, take a job for its input
+    with contextlib.suppress(EOFError, BrokenPipeError):  # nobody is at the other end any more
+        _serve(jobs, answers)
+
+
+def _serve(jobs: IO[bytes], answers: IO[bytes]) -> None:
+    """Get ready, and do one job after another until nobody sends any."""
     sys.path[:] = receive(jobs)
     # What is worth knowing is in the result's warnings, and an error in the answer.
     logging.getLogger("stereo_gpu").addHandler(logging.NullHandler())
@@ -106,9 +115,8 @@ def main() -> None:
         send(answers, in_one_line(error))
         return
     send(answers, None)
-    with contextlib.suppress(EOFError, BrokenPipeError):
-        while True:
-            _answer(answers, task, receive_parts(jobs), arguments, tells)
+    while True:
+        _answer(answers, task, receive_parts(jobs), arguments, tells)
 
 
 def _set_up(
@@ -128,11 +136,12 @@ def _answer(
     """Do a job, and send its stages and whether it went well with the result or the error."""
     from stereo_gpu.engines.call import call, failure
 
-    telling = threading.Lock()  # a task may have threads
+    telling, over = threading.Lock(), threading.Event()  # a task may have threads, some of which outlive it
 
     def tell(stage: str) -> None:
         with telling:
-            send(answers, (TOLD, stage))
+            if not over.is_set():
+                send(answers, (TOLD, stage))
 
     try:
         job = load(parts)
@@ -140,6 +149,8 @@ def _answer(
         message = (False, failure(error))
     else:
         message = call(task, job, {**arguments, "tell": tell} if tells else arguments)
+    with telling:
+        over.set()
     try:
         send(answers, message)
     except OSError:
