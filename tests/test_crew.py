@@ -3,9 +3,11 @@
 import os
 import random
 import signal
+import sys
 import threading
 import time
 from contextlib import suppress
+from dataclasses import replace
 
 import pytest
 import worker_tasks
@@ -16,6 +18,7 @@ from stereo_gpu.engines.executor import Limits, Work
 from stereo_gpu.engines.in_order import run_in_order
 from stereo_gpu.engines.inline import InlineWorker
 from stereo_gpu.engines.local import LocalExecutor
+from stereo_gpu.errors import CancelledError, WorkerError
 
 SOON_S = 30.0
 
@@ -76,6 +79,49 @@ def test_no_job_is_forgotten_by_many_workers():
     crew.close()
     assert len(found) > 500 and all(result == 2 * value for value, result in found.items())
     assert not [new for new in set(threading.enumerate()) - before if new.name.startswith("stereo-gpu")]
+
+
+class Roomless(InlineWorker):
+    """A worker for which a cluster finds no room until it is ended; see `RayWorker`."""
+
+    def __init__(self, work):
+        super().__init__(work)
+        self._ended = threading.Event()
+
+    def warm(self):
+        self._ended.wait()
+        raise CancelledError("stopped before it was ready")
+
+    def stop(self):
+        self._ended.set()
+        super().stop()
+
+
+class Dying(InlineWorker):
+    """A worker that is lost with its second job."""
+
+    begun = 0
+
+    def do(self, job, *rest):
+        self.begun += 1
+        answer = super().do(job, *rest)
+        return replace(answer, result=None, error=WorkerError("lost")) if self.begun == 2 else answer
+
+
+def test_one_without_room_keeps_no_job_waiting(monkeypatch):
+    monkeypatch.setattr(crew_module, "AGAIN_S", 0.1)
+    work = Work(task=worker_tasks.double)
+    crew = Crew("threads", [Dying(work), Roomless(work)])
+    assert [answer.result for answer in run_in_order(crew, [(1,), (2,)], tries=2)] == [2, 4]
+
+
+def test_where_none_gets_ready_one_without_room_keeps_no_failure_back(monkeypatch):
+    monkeypatch.setattr(crew_module, "AGAIN_S", 0.1)
+    work = Work(task=worker_tasks.double, prepare=sys.exit)
+    crew = Crew("threads", [InlineWorker(work), Roomless(work)])
+    crew.start()
+    answers = list(run_in_order(crew, [(1,), (2,)]))
+    assert all("cannot get ready" in str(answer.error) for answer in answers)
 
 
 def test_one_that_cannot_get_ready_fails_no_job_that_another_can_do(opened, caplog):

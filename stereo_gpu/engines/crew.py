@@ -17,7 +17,7 @@ from stereo_gpu.engines.watch import GRACE_S
 from stereo_gpu.errors import CancelledError, StereoError, WorkerError
 
 LAST_S = 0.2  # for the thread of a worker that has ended to give the answer
-AGAIN_S = 5.0  # after which a worker that could not be warmed is tried again while others can work
+AGAIN_S = 5.0  # after which a worker that could not be warmed is tried again, and one that gets warm not waited for
 
 logger = logging.getLogger(__name__)
 
@@ -70,7 +70,9 @@ class Crew:
         ]
         self._waiting: deque[Submitted] = deque()
         self._warm: set[int] = set()  # with a job or without
-        self._free: set[int] = set()  # that are warm and without one, or will be in a moment
+        self._free: set[int] = set()  # warm and without one
+        self._getting_warm: dict[int, float] = {}  # since when
+        self._failures = 0  # to get warm, of any, since the last one that did
         self._under_way: dict[int, Submitted] = {}
         self._again = [0.0] * self.slots  # when one that could not be warmed is tried again
         self._begun = self._kept_warm = self._closed = False
@@ -148,7 +150,7 @@ class Crew:
         asleep = list(reversed(self._asleep))
         warm = [number for number in asleep if number in self._warm]
         self._wake(warm[: len(self._waiting)])
-        short = len(self._waiting) - len(self._free)
+        short = len(self._waiting) - self._coming()
         if short > 0:
             self._wake([number for number in asleep if number not in self._warm and self._may_go(number)][:short])
 
@@ -174,9 +176,10 @@ class Crew:
                     woken = self._sleep(number)
                 if self._closed:
                     return
-                if goes:
-                    self._free.add(number)
-                    submitted = self._take() if number in self._warm else None
+                if goes and number in self._warm:
+                    submitted = self._take()
+                elif goes:
+                    self._getting_warm[number] = time.monotonic()
                 if submitted is not None:
                     self._free.discard(number)
                     self._under_way[number] = submitted
@@ -192,8 +195,13 @@ class Crew:
         if number in self._warm:
             return bool(self._waiting)
         if time.monotonic() < self._again[number]:
-            return bool(self._waiting) and not (self._warm or self._free)
-        return self._kept_warm or len(self._waiting) > len(self._free)
+            return bool(self._waiting) and not (self._warm or self._getting_warm)
+        return self._kept_warm or len(self._waiting) > self._coming()
+
+    def _coming(self) -> int:
+        """How many workers will take a job in a moment; one for which a cluster has no room may never."""
+        late = time.monotonic() - AGAIN_S
+        return len(self._free) + sum(since > late for since in self._getting_warm.values())
 
     def _take(self) -> Submitted | None:
         """The next job, of those that nobody has cancelled meanwhile."""
@@ -221,12 +229,16 @@ class Crew:
         except Exception as fault:
             error = failure(fault)
         with self._changing:
+            del self._getting_warm[number]
             if error is None:
                 self._warm.add(number)
+                self._free.add(number)
+                self._failures = 0
                 return
-            self._lose(number)
             self._again[number] = time.monotonic() + AGAIN_S
-            alone = not (self._warm or self._free)
+            self._failures += 1
+            # Those that get warm still may do so yet; but if so many failed, no more is hoped for.
+            alone = not self._warm and (not self._getting_warm or self._failures >= self.slots)
             failed = self._take() if alone else None
             self._wake_for_waiting()
         if not isinstance(error, CancelledError):
