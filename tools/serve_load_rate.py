@@ -59,7 +59,8 @@ def _measure(
     if rate < LEAST_SHARE * batch_rate:
         broken.append(f"its rate is {rate / batch_rate:.2f} of batch's, not {LEAST_SHARE:g}")
     if cpu - batch_cpu > MOST_OVERHEAD_S:
-        broken.append(f"a job costs {1000 * (cpu - batch_cpu):.1f} ms more than in batch, not {MOST_OVERHEAD_S:g}")
+        more = f"{1000 * (cpu - batch_cpu):.1f} ms more than in batch, not {1000 * MOST_OVERHEAD_S:g}"
+        broken.append(f"a job costs {more}")
     broken += _tell_memory(sizes)
     _tell_alone(client, pairs, id, asked)
     _half_load(server, pairs, id, asked, rate / 2, min(options.jobs, 200))
