@@ -116,7 +116,7 @@ def reconstruct_batch(
         raise InputError(f"check = {check!r:.40}, files = {files!r:.40}: give first, every or never, and model or all")
     check_texture_format(texture_format, None)
     plan_job(profile, disparities, None, window, reference, None, depth, mesh, tile)
-    out, mesh = Path(out), mesh or MeshOptions()
+    out, mesh, limits = Path(out), mesh or MeshOptions(), Limits(seconds=limit_s)
     check_writable(out)
     options = {
         "profile": profile,
@@ -143,7 +143,7 @@ def reconstruct_batch(
     work = Work(task=make_model, shared=shared, prepare=partial(refuse_unshared, mark) if mark else None)
     jobs = ((_whole(pair) if distant else pair, check_of(check, index)) for index, pair in enumerate(pairs))
     executor = open_executor(engine, work, workers=how_many(workers, device) if device else workers, address=address)
-    answers = run_in_order(executor, jobs, limits=Limits(seconds=limit_s), tries=TRIES.get(engine, 1))
+    answers = run_in_order(executor, jobs, limits=limits, tries=TRIES.get(engine, 1))
     return _run(pairs, out, mark, executor, answers)
 
 

@@ -198,3 +198,10 @@ def test_wrong_input_is_refused_in_one_line(pairs, monkeypatch, capfd, arguments
     assert main(["batch", *arguments]) == 2
     said = capfd.readouterr()
     assert message in said.err and said.err.count("\n") == 1 and not (pairs / "o").exists()
+
+
+def test_a_wrong_limit_is_refused_before_an_engine_is_opened(pairs, tmp_path, monkeypatch):
+    """Which may be a whole cluster, that nobody would end."""
+    monkeypatch.setattr("stereo_gpu.batch.open_executor", None)
+    with pytest.raises(InputError, match="a limit of 0"):
+        reconstruct_batch(list_pairs(pairs), Rig.load(pairs / "rig.json"), tmp_path / "out", engine="ray", limit_s=0)

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 RECENT = 64  # pairs over which the rate is taken
 REDRAW_S = 0.1
 TELL_S = 30.0  # how often a line is printed where no bar can be drawn, and at every tenth of the work
+_STOPS = (signal.SIGINT, signal.SIGTERM)
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -84,8 +85,10 @@ def run(options: argparse.Namespace) -> None:
     from stereo_gpu.batching.pair_list import FAILED_NAME, list_pairs
     from stereo_gpu.errors import StageError
 
-    # A service stops its programs by SIGTERM: that ends the work as Ctrl-C does.
-    signal.signal(signal.SIGTERM, _interrupt)
+    # A service stops its programs by SIGTERM: that ends the work as Ctrl-C does, which some callers have ignored.
+    for stop in _STOPS:
+        if signal.getsignal(stop) != signal.SIG_IGN:
+            signal.signal(stop, _interrupt)
     pairs = list_pairs(options.pairs)
     done = reconstruct_batch(
         pairs,
@@ -114,9 +117,6 @@ def run(options: argparse.Namespace) -> None:
             for pair in done:
                 tally.add(pair)
         except KeyboardInterrupt:
-            # The end is near: a second one, or a third, would only cut off what cleans up.
-            for again in (signal.SIGINT, signal.SIGTERM):
-                signal.signal(again, signal.SIG_IGN)
             done.close()
             tally.clear()
             print(f"{tally.summary()}; the same command goes on from here", flush=True)
@@ -219,6 +219,9 @@ def _read_rig(path: Path, pairs: list[ListedPair]) -> Rig:
 
 
 def _interrupt(*_: object) -> None:
+    # The end is near: a second one, or a third, would only cut off what cleans up.
+    for stop in _STOPS:
+        signal.signal(stop, signal.SIG_IGN)
     raise KeyboardInterrupt
 
 
