@@ -124,13 +124,15 @@ def test_where_none_gets_ready_one_without_room_keeps_no_failure_back(monkeypatc
     assert all("cannot get ready" in str(answer.error) for answer in answers)
 
 
-def test_one_that_cannot_get_ready_fails_no_job_that_another_can_do(opened, caplog):
-    by_worker = [{"broken": False}, {"broken": True}]
+@pytest.mark.parametrize("broken", [0, 1])
+def test_one_that_cannot_get_ready_fails_no_job_that_another_can_do(opened, caplog, broken):
+    by_worker = [{"broken": number == broken} for number in range(2)]
     executor = opened(worker_tasks.which, 2, prepare=worker_tasks.refuse_to_prepare, by_worker=by_worker)
+    assert executor.submit((7,)).answer.result(SOON_S).result == (7, False)  # whoever is asked first
     executor.start()
     answers = [executor.submit((number,)) for number in range(40)]
     assert [job.answer.result(SOON_S).result for job in answers] == [(number, False) for number in range(40)]
-    wait_for(lambda: "worker 1 cannot be made ready" in caplog.text)
+    wait_for(lambda: f"worker {broken} cannot be made ready" in caplog.text)
 
 
 def test_one_that_dies_idle_is_warmed_again(opened, monkeypatch):

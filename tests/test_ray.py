@@ -5,7 +5,9 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
+from http.server import BaseHTTPRequestHandler, HTTPServer
 
 import pytest
 import worker_tasks
@@ -37,8 +39,8 @@ def opened(ray_cluster):
 
     executors = []
 
-    def open_one(task, *, workers=1, **options):
-        executors.append(RayExecutor(Work(task=task), workers=workers, **options))
+    def open_one(task, *, workers=1, num_cpus=1, **work):
+        executors.append(RayExecutor(Work(task=task, **work), workers=workers, num_cpus=num_cpus))
         return executors[-1]
 
     yield open_one
@@ -120,6 +122,13 @@ def test_a_loss_is_noticed_while_nothing_is_to_do(opened, psutil):
     assert executor.submit((0.0, "well")).answer.result(SOON_S).error is None
 
 
+def test_one_that_cannot_get_ready_makes_room_for_another(opened):
+    by_worker = [{"broken": True}, {"broken": False}]
+    options = {"prepare": worker_tasks.refuse_to_prepare, "by_worker": by_worker}
+    executor = opened(worker_tasks.which, workers=2, num_cpus=3, **options)  # of 4 that there are
+    assert executor.submit((1,)).answer.result(SOON_S).result == (1, False)
+
+
 def test_what_no_node_has_is_refused(opened):
     with pytest.raises(InputError, match="no node of the Ray cluster has 500 CPU and 0 GPU"):
         opened(worker_tasks.double, num_cpus=500)
@@ -132,11 +141,35 @@ def test_without_ray_it_is_said_how_to_get_it(monkeypatch, raw_folder, tmp_path,
     assert 'pip install "stereo-gpu[ray]"' in capsys.readouterr().err
 
 
-def test_a_dashboard_that_is_open_to_all_is_refused(monkeypatch):
-    monkeypatch.delenv("RAY_AUTH_MODE", raising=False)
+@pytest.fixture
+def dashboard():
+    """Where something answers beyond loopback, as a dashboard does, and what sets its status."""
+
+    class Answer(BaseHTTPRequestHandler):
+        status = 200
+
+        def do_GET(self):
+            self.send_response(200 if "Authorization" in self.headers else self.status)
+            self.end_headers()
+
+        def log_message(self, *_):
+            pass
+
+    with HTTPServer(("127.0.0.1", 0), Answer) as server:
+        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
+        thread.start()
+        yield f"0.0.0.0:{server.server_port}", lambda status: setattr(Answer, "status", status)
+        server.shutdown()
+        thread.join()
+
+
+def test_a_dashboard_that_is_open_to_all_is_refused(monkeypatch, dashboard):
+    where, answer = dashboard
     for closed in ("", "127.0.0.1:8265", "localhost:8265", "[::1]:8265"):
         _refuse_open_dashboard(closed)
-    with pytest.raises(InputError, match="open to the network"):
-        _refuse_open_dashboard("192.0.2.7:8265")
-    monkeypatch.setenv("RAY_AUTH_MODE", "token")
-    _refuse_open_dashboard("192.0.2.7:8265")
+    monkeypatch.setenv("RAY_AUTH_MODE", "token")  # ours, which says nothing of the cluster's
+    with pytest.raises(InputError, match="open to the network without a token"):
+        _refuse_open_dashboard(where)
+    for status in (401, 403):
+        answer(status)
+        _refuse_open_dashboard(where)

@@ -195,8 +195,12 @@ class Crew:
         if number in self._warm:
             return bool(self._waiting)
         if time.monotonic() < self._again[number]:
-            return bool(self._waiting) and not (self._warm or self._getting_warm)
+            return bool(self._waiting) and self._hopeless()
         return self._kept_warm or len(self._waiting) > self._coming()
+
+    def _hopeless(self) -> bool:
+        """Whether none can take a job, as far as is known: so many failed as there are, be it one several times."""
+        return not self._warm and self._failures >= self.slots
 
     def _coming(self) -> int:
         """How many workers will take a job in a moment; one for which a cluster has no room may never."""
@@ -237,9 +241,7 @@ class Crew:
                 return
             self._again[number] = time.monotonic() + AGAIN_S
             self._failures += 1
-            # Those that get warm still may do so yet; but if so many failed, no more is hoped for.
-            alone = not self._warm and (not self._getting_warm or self._failures >= self.slots)
-            failed = self._take() if alone else None
+            failed = self._take() if self._hopeless() else None
             self._wake_for_waiting()
         if not isinstance(error, CancelledError):
             logger.warning("worker %d cannot be made ready: %s", number, error)

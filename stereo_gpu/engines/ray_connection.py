@@ -20,6 +20,8 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import Future
 from contextlib import suppress
+from http import HTTPStatus
+from http.client import HTTPConnection, HTTPException
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -210,15 +212,28 @@ def _probe(address: str) -> None:
 def _refuse_open_dashboard(url: str) -> None:
     """Refuse a cluster whose dashboard lets whoever reaches it run any code."""
     host = urlsplit(f"//{url}").hostname
-    if host is None or host == "localhost" or os.environ.get("RAY_AUTH_MODE", "").lower() == "token":
+    if host is None or host == "localhost":
         return
     with suppress(ValueError):
         if ipaddress.ip_address(host).is_loopback:
             return
-    raise InputError(
-        f"the cluster's dashboard is open to the network without a token, at {url}: start it with RAY_AUTH_MODE=token,"
-        " or with --include-dashboard=false"
-    )
+    if not _asks_for_token(url):
+        raise InputError(
+            f"the cluster's dashboard is open to the network without a token, at {url}: start it with"
+            " RAY_AUTH_MODE=token, or with --include-dashboard=false"
+        )
+
+
+def _asks_for_token(url: str) -> bool:
+    """Whether a dashboard turns a stranger away; that our own environment names a token tells nothing of it."""
+    dashboard = HTTPConnection(url, timeout=PROBE_S)
+    try:
+        dashboard.request("GET", "/api/version")
+        return dashboard.getresponse().status in (HTTPStatus.UNAUTHORIZED, HTTPStatus.FORBIDDEN)
+    except (OSError, HTTPException):
+        return False
+    finally:
+        dashboard.close()
 
 
 def _first_line(error: Exception) -> str:

@@ -66,6 +66,7 @@ class RayWorker:
                     continue
                 raise WorkerError(f"its actor cannot be made ({_why(reason)}): see `ray status`") from reason
             if error is not None:
+                self._drop()  # which makes room: another worker may wait for it, on a node where all is well
                 raise error
             self._told, self._warm = state, True
             return
