@@ -31,6 +31,7 @@ def main(path, name, first):
         leases = store.lease(owner, 2, 3600)
         for lease in leases:
             say("leased", lease.job.id, lease.number)
+        store.begin(leases[: chance.randrange(3)])
         store.beat(owner, {lease.job.id: ("match", 0.5) for lease in leases}, 3600)
         for lease in leases:
             way = chance.random()

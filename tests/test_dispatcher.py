@@ -17,6 +17,7 @@ import service_tasks  # noqa: E402
 from stereo_gpu.engines.executor import Work  # noqa: E402
 from stereo_gpu.engines.inline import InlineExecutor  # noqa: E402
 from stereo_gpu.engines.local import LocalExecutor  # noqa: E402
+from stereo_gpu.errors import InputError  # noqa: E402
 from stereo_gpu.service.dispatcher import Dispatcher  # noqa: E402
 from stereo_gpu.service.folders import Folders  # noqa: E402
 from stereo_gpu.service.live import Live  # noqa: E402
@@ -274,6 +275,41 @@ def test_jobs_wait_uncharged_where_no_worker_can_be_had(tmp_path):
         assert {(one.job(id).state, one.job(id).tries) for id in ids} == {(State.QUEUED, 0)}
 
 
+def test_a_job_waits_until_a_worker_has_it(tmp_path):
+    with bench(tmp_path, two_workers) as one:
+        slow = one.put(2, do=["slow"])
+        one.wait_for(lambda: all(one.job(id).state is State.RUNNING for id in slow))
+        ahead = one.put(2)
+        one.wait_for(lambda: all(one.live.progress(id) is not None for id in ahead))  # leased
+        assert {(one.job(id).state, one.job(id).tries, one.job(id).started) for id in ahead} == {
+            (State.QUEUED, 0, None)
+        }
+        assert [one.store.place(one.job(id)) for id in ahead] == [0, 1]
+        one.store.ask_cancel("ann", ahead[0])
+        one.dispatcher.cancel(ahead[0])
+        assert one.job(ahead[0]).state is State.CANCELLED
+        one.store.restart("ann", ahead[0])  # while the dispatcher has it still
+        one.dispatcher.wake()
+        for id in slow:
+            one.store.ask_cancel("ann", id)
+            one.dispatcher.cancel(id)
+        assert {(job.state, job.tries) for job in one.wait(ahead)} == {(State.DONE, 1)}
+        assert one.store.check() == []
+
+
+def test_a_try_counts_before_the_inline_engine_begins_it(tmp_path):
+    # A pair that crashes it crashes the service: the table must know by then, or it would be the next one for ever.
+    seen = []
+
+    def look(order, *, tell):
+        seen.append(one.job(order.job))
+        raise InputError("seen")
+
+    with bench(tmp_path, lambda work: InlineExecutor(Work(task=look, tells=True))) as one:
+        one.wait(one.put())
+        assert [(job.state, job.tries) for job in seen] == [(State.RUNNING, 1)]
+
+
 def test_a_rig_is_checked_in_full_until_a_pair_was_right(tmp_path):
     with bench(tmp_path) as one:
         [first] = one.put()
@@ -288,7 +324,7 @@ def test_a_rig_is_checked_in_full_until_a_pair_was_right(tmp_path):
 def test_a_job_that_was_taken_away_meanwhile_ends_by_its_last_lease_alone(tmp_path):
     with bench(tmp_path, two_workers, lease_seconds=60.0) as one:
         [id] = one.put(do=["slow", "nothing"])
-        one.wait_for((tmp_path / "slow").exists)
+        one.wait_for(lambda: (tmp_path / "slow").exists() and one.job(id).state is State.RUNNING)
         [job] = one.store.reclaim(lambda owner: False, 3)
         assert (job.id, job.state) == (id, State.QUEUED)
         one.dispatcher.wake()

@@ -65,8 +65,8 @@ def test_listeners_hear_of_their_job_alone_until_they_go():
     live.subscribe(JOB, mine)
     live.subscribe(OTHER, theirs)
     live.begin(JOB, Kind.RECONSTRUCTION)
-    live.tell(JOB, "read")
-    live.queue_moved()  # which is nothing to a job under way
+    live.took(JOB, 0)
+    live.queue_moved()  # which is nothing to a job that a worker has
     assert heard == ["mine", "mine", "theirs"]
     live.unsubscribe(JOB, mine)
     live.unsubscribe(JOB, mine)

@@ -93,7 +93,8 @@ def test_a_queue_that_moves_does_not_make_every_stream_look_every_time(events, m
             await asyncio.sleep(0)
         assert table.looks == 1
         table.set(state="running")
-        table.live.begin(JOB, Kind.RECONSTRUCTION)  # which is told at once
+        table.live.begin(JOB, Kind.RECONSTRUCTION)
+        table.live.took(JOB, 0)  # which is told at once
         await until(lambda: len(heard) == 2)
         table.set(state="cancelled")
         table.live.end(JOB)

@@ -1,7 +1,7 @@
 from collections import Counter
 
 import pytest
-from stores import Clock, new_id, open_store, put
+from stores import Clock, new_id, open_store, put, rig_of
 
 from stereo_gpu.service.records import Kind, RigRecord, State
 from stereo_gpu.service.store import Ending
@@ -62,31 +62,56 @@ def test_turns_hold_where_nothing_runs_at_the_same_time(store):
 
 def test_a_client_that_floods_delays_another_by_no_more_than_a_turn(store):
     put(store, "ann", 500)
-    store.lease("o", 4, 30)
+    store.begin(store.lease("o", 4, 30))
     (late,) = put(store, "bob")
     assert store.place(store.any_job(late)) == 0
     assert store.lease("o", 2, 30)[0].job.id == late
-
-
-def test_no_more_of_a_client_run_than_is_allowed(store):
-    put(store, "ann", 9)
-    put(store, "bob", 1)
-    assert clients_of(store.lease("o", 9, 30, most_per_client=3)) == ["ann", "bob", "ann", "ann"]
-    assert store.lease("o", 9, 30, most_per_client=3) == []
 
 
 def test_a_lease_is_told_with_its_try_and_time(store, clock):
     (job,) = put(store)
     clock.now += 5
     (lease,) = store.lease("o", 3, 30)
-    assert (lease.job.id, lease.number, lease.until, lease.job.tries) == (job, 1, 1035.0, 1)
-    assert (lease.job.state, lease.job.started) == (State.RUNNING, 1005.0)
+    assert (lease.job.id, lease.number, lease.until) == (job, 1, 1035.0)
     assert store.lease("o", 3, 30) == []
+
+
+def test_a_leased_job_waits_until_a_worker_has_it(store, clock):
+    begun, ahead = put(store, count=2)
+    leases = store.lease("o", 2, 30)
+    clock.now += 5
+    for _ in range(2):  # once more changes nothing
+        store.begin(leases[:1])
+        clock.now += 1
+    kept = [store.any_job(job) for job in (begun, ahead)]
+    assert [(job.state, job.tries, job.started) for job in kept] == [
+        (State.RUNNING, 1, 1005.0),
+        (State.QUEUED, 0, None),
+    ]
+    assert [job.id for job in store.jobs("ann", state=State.QUEUED)] == [ahead]
+    assert store.counts()[State.QUEUED] == store.counts()[State.RUNNING] == 1
+    assert store.leased() == {begun, ahead}
+    # It is cancelled at once, and then is nobody's to begin, to end or to give back.
+    assert store.ask_cancel("ann", ahead).state is State.CANCELLED
+    store.begin(leases)
+    assert store.beat("o", {ahead: (None, 0.0)}, 30) == {ahead}
+    assert store.finish([done(leases[1])]) == set() and store.give_back("o", [ahead], charge=True) == []
+    assert (store.any_job(ahead).state, store.any_job(ahead).tries) == (State.CANCELLED, 0)
+
+
+def test_a_service_that_dies_charges_only_what_had_begun(store):
+    begun, ahead = put(store, count=2)
+    for tries in (1, 2, 3):
+        leases = store.lease(f"the {tries}th service", 2, 30)
+        store.begin([lease for lease in leases if lease.job.id == begun])
+        jobs = {job.id: job for job in store.reclaim(lambda owner: False, 3)}
+        assert (jobs[begun].tries, jobs[ahead].tries, jobs[ahead].state) == (tries, 0, State.QUEUED)
+    assert jobs[begun].state is State.FAILED and "the last of 3 tries" in jobs[begun].error
 
 
 def test_a_heartbeat_keeps_a_lease_and_tells_how_far_it_is(store, clock):
     kept, left = put(store, count=2)
-    store.lease("o", 2, 30)
+    store.begin(store.lease("o", 2, 30))
     for stage in ("read", "match", "mesh"):
         clock.now += 20
         assert store.beat("o", {kept: (stage, 0.25)}, 30) == set()
@@ -99,6 +124,7 @@ def test_a_heartbeat_keeps_a_lease_and_tells_how_far_it_is(store, clock):
 def test_whoever_lost_a_lease_is_told_and_cannot_end_the_job(store, clock):
     (job,) = put(store)
     (old,) = store.lease("slow", 1, 30)
+    store.begin([old])
     clock.now += 31
     (back,) = store.reclaim(None, 3)
     assert (back.state, back.tries, back.started) == (State.QUEUED, 1, 1000.0)
@@ -106,6 +132,8 @@ def test_whoever_lost_a_lease_is_told_and_cannot_end_the_job(store, clock):
     assert store.finish([done(old, summary={"by": "slow"})]) == set()
     (new,) = store.lease("quick", 1, 30)
     assert new.number == 2
+    store.begin([old])
+    assert store.any_job(job).state is State.QUEUED
     assert store.beat("slow", {job: ("mesh", 0.9)}, 30) == {job}
     assert store.give_back("slow", [job], charge=True) == []
     assert store.finish([done(old, summary={"by": "slow"})]) == set()
@@ -119,7 +147,8 @@ def test_after_so_many_lost_tries_a_job_has_failed_with_the_reason(store, clock)
     (job,) = put(store)
     for number in (1, 2, 3):
         (lease,) = store.lease("o", 1, 30)
-        assert (lease.number, lease.job.tries) == (number, number)
+        assert (lease.number, lease.job.tries) == (number, number - 1)
+        store.begin([lease])
         store.beat("o", {job: ("match", 0.5)}, 30)
         clock.now += 31
         (changed,) = store.reclaim(None, 3)
@@ -134,22 +163,25 @@ def test_owners_that_are_gone_lose_their_leases_at_once(store):
     store.lease("dead", 1, 30)
     asked = []
     assert [job.id for job in store.reclaim(lambda owner: asked.append(owner) or owner == "this", 3)] == [theirs]
-    assert sorted(asked) == ["dead", "this"] and store.running() == {mine}
+    assert sorted(asked) == ["dead", "this"] and store.leased() == {mine}
 
 
 def test_what_is_given_back_keeps_its_place_and_the_try_counts_if_charged(store):
-    first, second, last = put(store, count=3)
-    store.lease("o", 2, 30)
-    assert [job.tries for job in store.give_back("o", [first], charge=False)] == [0]
-    assert [job.tries for job in store.give_back("o", [second, new_id()], charge=True)] == [1]
-    leases = store.lease("o", 9, 30)
-    assert [lease.job.id for lease in leases] == [first, second, last]
-    assert [(lease.number, lease.job.tries) for lease in leases] == [(2, 1), (2, 2), (1, 1)]
+    for begun in (False, True):
+        first, second, last = put(store, count=3)
+        leases = store.lease("o", 2, 30)
+        store.begin(leases if begun else [])
+        assert [job.tries for job in store.give_back("o", [first], charge=False)] == [0]
+        assert [job.tries for job in store.give_back("o", [second, new_id()], charge=True)] == [1]
+        leases = store.lease("o", 9, 30)
+        assert [lease.job.id for lease in leases] == [first, second, last]
+        assert [(lease.number, lease.job.tries) for lease in leases] == [(2, 0), (2, 1), (1, 0)]
+        store.finish([done(lease) for lease in leases])
 
 
 def test_what_nobody_wants_any_more_does_not_go_back_into_the_queue(store, clock):
     back, lost = put(store, count=2)
-    store.lease("o", 2, 30)
+    store.begin(store.lease("o", 2, 30))
     for job in (back, lost):
         store.ask_cancel("ann", job)
     assert [job.state for job in store.give_back("o", [back], charge=True)] == [State.CANCELLED]
@@ -160,6 +192,7 @@ def test_what_nobody_wants_any_more_does_not_go_back_into_the_queue(store, clock
 def test_an_ending_is_kept_whole(store, clock):
     (job,) = put(store, bytes=10)
     (lease,) = store.lease("o", 1, 30)
+    store.begin([lease])
     clock.now += 2
     given = {"warnings": ("doubtful",), "seconds": {"match": 0.5, "total": 1.5}, "summary": {"triangles": 7}}
     assert store.finish([done(lease, bytes=500, **given)]) == {job}
@@ -194,6 +227,15 @@ def test_a_calibration_ends_with_its_rig_or_not_at_all(store):
     assert store.any_job(job).rig == job and store.rig("ann", job).calibration == job
 
 
+def test_a_rig_is_right_with_the_first_pair_that_says_so(store):
+    one, other = put(store, count=2)
+    for job, right in ((one, False), (other, True)):
+        (lease,) = store.lease("o", 1, 30)
+        assert store.finish([done(lease, rig_is_right=right)]) == {job}
+        assert store.rig("ann", rig_of("ann")).checked == right
+    assert not store.rig("bob", rig_of("bob")).checked
+
+
 @pytest.mark.parametrize(
     ("state", "error"), [(State.RUNNING, None), (State.FAILED, None), (State.FAILED, ""), (State.DONE, "why")]
 )
@@ -206,6 +248,7 @@ def test_a_clock_that_steps_back_breaks_no_rule(store, clock):
     ran, waited = put(store, count=2)
     clock.now -= 500
     (lease,) = store.lease("o", 1, 30)
+    store.begin([lease])
     clock.now -= 100
     store.finish([done(lease)])
     store.ask_cancel("ann", waited)

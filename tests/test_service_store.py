@@ -59,8 +59,6 @@ def test_a_rig_comes_back_as_it_went_in_and_is_its_clients_alone(store):
     kept = store.add_rig(rig)
     assert kept == replace(rig, order=kept.order) == store.rig("ann", rig.id)
     assert store.rig("bob", rig.id) is None and store.rig("ann", "x") is None
-    store.mark_checked(rig.id)
-    assert store.rig("ann", rig.id).checked
     assert not store.delete_rig("bob", rig.id) and store.rig("ann", rig.id)
     assert store.delete_rig("ann", rig.id) and not store.delete_rig("ann", rig.id)
 
@@ -155,6 +153,16 @@ def test_a_place_counts_those_that_come_before(store):
     assert store.place(store.any_job(order[0])) is None
 
 
+def test_a_place_counts_those_that_are_leased_and_have_not_begun(store):
+    ids = put(store, "ann", 4)
+    (own,) = put(store, "bob")
+    leases = store.lease("o", 3, 30)  # ann's, bob's, ann's
+    places = store.places([store.any_job(job) for job in (*ids, own)])
+    assert places == {ids[0]: 0, ids[1]: 1, own: 2, ids[2]: 3, ids[3]: 4}
+    store.begin(leases[:1])
+    assert store.place(store.any_job(ids[0])) is None and store.place(store.any_job(ids[3])) == 3
+
+
 # -- cancel, restart, delete
 
 
@@ -163,6 +171,7 @@ def test_cancel(store, clock):
     assert store.ask_cancel("ann", waits).state is State.CANCELLED
     assert store.ask_cancel("ann", waits).ended == clock.now  # once more is no error
     lease, other = store.lease("o", 2, 30)
+    store.begin([lease, other])
     finish(store, other)
     asked = store.ask_cancel("ann", runs)
     assert asked.state is State.RUNNING and asked.cancel_asked
@@ -184,24 +193,26 @@ def test_restart_begins_anew_and_never_gives_a_number_twice(store):
     again = store.restart("ann", job)
     assert (again.state, again.tries, again.error, again.ended, again.seconds) == (State.QUEUED, 0, None, None, {})
     (second,) = store.lease("o", 1, 30)
-    assert (second.job.tries, second.number) == (1, 2)
+    assert (second.job.tries, second.number) == (0, 2)
     finish(store, second)
     with pytest.raises(Conflict, match="is done"):
         store.restart("ann", job)
 
 
 def test_delete_takes_only_what_has_ended(store):
-    waits, runs = put(store, count=2)
-    store.lease("o", 1, 30)
-    for job in (waits, runs):
+    runs, leased, waits = put(store, count=3)
+    store.begin(store.lease("o", 2, 30)[:1])
+    for job in (runs, leased, waits):
         with pytest.raises(Conflict, match="cancel it first"):
             store.delete("ann", job)
-    store.ask_cancel("ann", runs)
+        store.ask_cancel("ann", job)
+    with pytest.raises(Conflict, match="is running"):
+        store.delete("ann", runs)
     with pytest.raises(NotFound):
-        store.delete("bob", runs)
-    store.delete("ann", runs)
+        store.delete("bob", waits)
+    store.delete("ann", waits)
     with pytest.raises(NotFound):
-        store.job("ann", runs)
+        store.job("ann", waits)
 
 
 # -- the file

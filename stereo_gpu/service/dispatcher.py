@@ -72,6 +72,7 @@ class Dispatcher:
         self._steps = (
             self._reclaim_all,
             self._settle,
+            self._note_begun,  # before the endings of those whose answers are there
             self._write,
             self._give_back,
             self._beat,
@@ -161,6 +162,16 @@ class Dispatcher:
                 self._answers.put((entry, answer))
                 raise
 
+    def _note_begun(self) -> None:
+        """Tell the table which jobs workers have: these run, and lose a try should the service die."""
+        begun = [entry for entry in self._under_way.all() if entry.began and not entry.noted]
+        if not begun:
+            return
+        self._store.begin([entry.lease for entry in begun])
+        for entry in begun:
+            entry.noted = self._moved = True
+            self._live.changed(entry.id)
+
     def _write(self) -> None:
         self._settling.write()
 
@@ -208,8 +219,7 @@ class Dispatcher:
         free = LEASED_EACH * self._executor.slots - len(self._under_way)
         if self.stopping or free <= 0 or time.monotonic() < self._lease_at or self._is_disk_short():
             return
-        leases = self._store.lease(self.owner, free, self._settings.lease_seconds)
-        for lease in leases:
+        for lease in self._store.lease(self.owner, free, self._settings.lease_seconds):
             entry = Entry(lease)
             older = self._under_way.add(entry)
             if older is not None:  # its lease ran out, where the table could not be reached for long
@@ -222,7 +232,6 @@ class Dispatcher:
                 log.exception("a job cannot begin", extra={"job": entry.id})
                 self._settling.not_begun(entry)
                 self._lease_at = time.monotonic() + AGAIN_S
-        self._moved |= bool(leases)
 
     def _tell_queue(self) -> None:
         """Say that places in the queue have changed; each who waits then asks the table, so not too often."""
@@ -248,9 +257,12 @@ class Dispatcher:
 
         def began(worker: int) -> None:
             entry.began = True
-            if job.tries == 1:
+            if job.tries == 0:
                 self._metrics.waited(self._clock() - job.created)
             self._live.took(job.id, worker)
+            self.wake()
+            if self._executor.name == "inline":
+                self._note_begun()  # at once: a pair that crashes its worker crashes this process
 
         entry.running = self._executor.submit(
             (order,), limits=self._limits, began=began, tell=lambda word: self._live.tell(job.id, word)

@@ -30,6 +30,7 @@ def end_well(folders: Folders, lease: Lease, outcome: Outcome, seconds: float) -
         seconds={**outcome.seconds, "total": seconds},
         summary=outcome.summary,
         rig=None if outcome.rig is None else _keep_rig(folders, job, outcome.rig),
+        rig_is_right=outcome.checked,
         bytes=folders.bytes(job.id),  # pictures of the steps count, too
     )
 

@@ -70,7 +70,7 @@ class Streams:
                 if not await bell.wait(COMMENT_S):
                     yield b": still here\n\n"
                 elif view.state is State.QUEUED:
-                    await bell.wait_for(lambda: self.stopping or live.progress(job) is not None, PLACE_S)
+                    await bell.wait_for(lambda: self.stopping or live.has_begun(job), PLACE_S)
 
 
 class _Bell:

@@ -81,6 +81,12 @@ class Live:
             running = self._jobs.get(job)
             return None if running is None else running.progress()
 
+    def has_begun(self, job: str) -> bool:
+        """Whether a worker has the job."""
+        with self._lock:
+            running = self._jobs.get(job)
+            return running is not None and running.worker is not None
+
     def stages(self) -> dict[str, tuple[str | None, float]]:
         """Stage and fraction of every job under way, for the table."""
         with self._lock:
@@ -107,9 +113,10 @@ class Live:
         _call(listeners)
 
     def queue_moved(self) -> None:
-        """Tell whoever waits for a job that is not under way: its place in the queue has changed."""
+        """Tell whoever waits for a job that no worker has: its place in the queue has changed."""
         with self._lock:
-            listeners = [each for job, some in self._listeners.items() if job not in self._jobs for each in some]
+            begun = {job for job, running in self._jobs.items() if running.worker is not None}
+            listeners = [each for job, some in self._listeners.items() if job not in begun for each in some]
         _call(listeners)
 
 

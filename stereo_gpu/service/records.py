@@ -57,10 +57,10 @@ class Job:
         id: 32 hexadecimal digits, which cannot be guessed.
         client: whose it is.
         kind: what it makes.
-        state: where it is.
+        state: where it is; it waits until a worker has it.
         order: its place in the table; later jobs have larger ones.
         created, started, ended: seconds since 1970; None where it has not come to that. `started` is of the last try.
-        tries: begun so far; those that a stop of the service gave back do not count.
+        tries: begun by a worker so far; those that a stop of the service gave back do not count.
         stage, fraction: that has begun last, and of how many, by the last heartbeat; live ones are in `live.Live`.
         error: why it failed, one line; None where it did not.
         warnings: what a person should know of its result.
@@ -130,7 +130,7 @@ class Lease:
 
     Args:
         job: as it stands in the table.
-        number: of the try, from 1; its folder is named by it.
+        number: of the lease, from 1; the folder that its try writes is named by it.
         until: seconds since 1970, when it runs out unless it is renewed.
     """
 

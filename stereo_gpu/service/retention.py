@@ -45,7 +45,7 @@ def sweep(store: Store, folders: Folders, settings: Settings, *, clock: Callable
         return jobs
 
     gone += _remove(store, folders, beyond)
-    folders.sweep(store.known(), now - max(YOUNG_S, 2 * settings.upload_seconds), busy=store.running())
+    folders.sweep(store.known(), now - max(YOUNG_S, 2 * settings.upload_seconds), busy=store.leased())
     return gone
 
 

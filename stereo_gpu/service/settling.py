@@ -48,7 +48,6 @@ class Settling:
         self._metrics, self._under_way, self._tries = metrics, under_way, tries
         self._endings: list[tuple[Entry, Ending]] = []
         self._returns: dict[bool, list[Entry]] = {True: [], False: []}  # by whether the try counts
-        self._right: set[str] = set()  # rigs that are known to be marked checked
 
     def take(self, entry: Entry, answer: Answer, *, stopping: bool) -> None:
         """Settle one answer, but for the table; nothing has happened where this fails, and it may be done again.
@@ -101,10 +100,6 @@ class Settling:
         except StoreError as error:
             self._lose_result(entry, answer, error)
             return
-        rig = entry.lease.job.rig
-        if outcome.checked and rig is not None and rig not in self._right:
-            self._store.mark_checked(rig)
-            self._right.add(rig)
         self.end(entry, ending)
 
     def _lose_result(self, entry: Entry, answer: Answer, error: Exception) -> None:
@@ -115,7 +110,7 @@ class Settling:
 
     def _try_again(self, entry: Entry, why: StereoError, seconds: float, reason: str) -> None:
         self._metrics.lost(reason)
-        tries = entry.lease.job.tries
+        tries = entry.lease.job.tries + 1  # it was leased before this one
         log.warning("try %d lost: %s", tries, why, extra={"job": entry.id})
         if tries < self._tries:
             self._give_back(entry, charge=True)
@@ -175,6 +170,8 @@ class Settling:
 
     def _told(self, entry: Entry, ending: Ending, applied: bool) -> None:
         self._forget(entry)
+        if not applied and entry.cancelled:  # before it had begun: the table did that at once
+            return
         if not applied:
             log.warning("ended otherwise meanwhile", extra={"job": entry.id})
             return

@@ -17,6 +17,7 @@ class Entry:
         lease: ours.
         running: once it is submitted.
         began: whether a worker has it.
+        noted: whether the table knows that.
         failures: of the table or the disk, while its answer was put in place.
         cancelled: its client wants it no more.
         returned: a stop of the service gives it back.
@@ -26,6 +27,7 @@ class Entry:
     lease: Lease
     running: Running | None = None
     began: bool = False
+    noted: bool = False
     failures: int = 0
     cancelled: bool = False
     returned: bool = False

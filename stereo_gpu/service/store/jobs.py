@@ -62,24 +62,29 @@ class Jobs(Part):
     def places(self, jobs: Sequence[Job]) -> dict[str, int]:
         """How many jobs wait before each of those that wait, by their ids.
 
-        Clients take turns: before the third job of one go its first two, and up to three of each other one.
+        Clients take turns: before the third job of one go its first two, and up to three of each other one. Before all
+        of them go those that are leased and have not begun.
         """
         places = {}
+        free = "FROM jobs WHERE state = 'queued' AND owner IS NULL"
         with self._database.read() as tables:
-            query = "SELECT client, count(*) FROM jobs WHERE state = 'queued' GROUP BY client"
-            waiting = dict(tables.execute(query).fetchall())
+            waiting = dict(tables.execute(f"SELECT client, count(*) {free} GROUP BY client").fetchall())
             turn = dict(tables.execute("SELECT name, turn FROM clients").fetchall())
+            query = "SELECT number FROM jobs WHERE owner IS NOT NULL AND state = 'queued' ORDER BY number"
+            leased = [row[0] for row in tables.execute(query)]
             for job in jobs:
-                query = "SELECT count(*), max(number) FROM jobs WHERE state = 'queued' AND client = ? AND number <= ?"
+                query = f"SELECT count(*), max(number) {free} AND client = ? AND number <= ?"
                 count, last = tables.execute(query, (job.client, job.order)).fetchone()
                 if last != job.order:
+                    if job.order in leased:
+                        places[job.id] = leased.index(job.order)
                     continue
                 others = (
                     min(theirs, count - 1 + ((turn[client], client) < (turn[job.client], job.client)))
                     for client, theirs in waiting.items()
                     if client != job.client
                 )
-                places[job.id] = count - 1 + sum(others)
+                places[job.id] = len(leased) + count - 1 + sum(others)
         return places
 
     def delete(self, client: str, id: str) -> None:
@@ -122,7 +127,7 @@ class Jobs(Part):
         with self._database.read() as tables:
             return {row[0] for row in tables.execute("SELECT id FROM jobs UNION ALL SELECT id FROM rigs")}
 
-    def running(self) -> set[str]:
-        """The ids of all jobs that are leased."""
+    def leased(self) -> set[str]:
+        """The ids of all jobs that are leased, whether they have begun or not."""
         with self._database.read() as tables:
-            return {row[0] for row in tables.execute("SELECT id FROM jobs WHERE state = 'running'")}
+            return {row[0] for row in tables.execute("SELECT id FROM jobs WHERE owner IS NOT NULL")}

@@ -1,7 +1,8 @@
-"""What a dispatcher does with the queue: take jobs for a while, keep them, end them or give them back.
+"""What a dispatcher does with the queue: take jobs for a while, begin and keep them, end them or give them back.
 
-A job that is leased ends by whoever holds its last lease, and by nobody else: each lease has a number that is never
-given again, and an ending that names another one is not applied.
+A job that is leased still waits, as far as its client is concerned, until a worker begins with it: that is a try. It
+ends by whoever holds its last lease, and by nobody else: each lease has a number that is never given again, and an
+ending that names another one is not applied.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ class Ending:
         stage: that had begun last; None for what the last heartbeat said.
         warnings, seconds, summary: as in `Job`.
         rig: that a calibration made, whose file is in its place; it is remembered in the same transaction.
+        rig_is_right: whether a pair was found right by the full check of the job's rig, which is remembered with it.
         bytes: of its inputs and result on the disk; None for what it had.
     """
 
@@ -40,6 +42,7 @@ class Ending:
     seconds: Mapping[str, float] = field(default_factory=dict)
     summary: Mapping[str, Any] = field(default_factory=dict)
     rig: RigRecord | None = None
+    rig_is_right: bool = False
     bytes: int | None = None
 
     def __post_init__(self) -> None:
@@ -48,31 +51,44 @@ class Ending:
 
 
 class Leases(Part):
-    """Jobs taken out of the queue, kept, ended and given back by dispatchers."""
+    """Jobs taken out of the queue, begun, kept, ended and given back by dispatchers."""
 
-    def lease(self, owner: str, count: int, seconds: float, *, most_per_client: int | None = None) -> list[Lease]:
-        """Take up to `count` jobs for `seconds`; each counts as a try.
+    def lease(self, owner: str, count: int, seconds: float) -> list[Lease]:
+        """Take up to `count` jobs for `seconds`; each waits until `begin`.
 
-        Fair: the next job is of the client that has the fewest running, among those the one whose last turn is longest
+        Fair: the next job is of the client that has the fewest leased, among those the one whose last turn is longest
         ago; of that client the oldest one.
 
         Args:
             owner: whose they are then.
             count: how many at most.
             seconds: after which they are anybody's, unless `beat` renews them.
-            most_per_client: jobs of a client that may run at once; None for no limit.
         """
         now = self._clock()
         with self._database.write() as tables:
-            picked = _pick(tables, count, most_per_client)
+            picked = _pick(tables, count)
             for number in picked:
                 tables.execute(
-                    "UPDATE jobs SET state = 'running', owner = ?, until = ?, started = max(created, ?),"
-                    " tries = tries + 1, attempt = attempt + 1, stage = NULL, fraction = 0 WHERE number = ?",
-                    (owner, now + seconds, now, number),
+                    "UPDATE jobs SET owner = ?, until = ?, attempt = attempt + 1, stage = NULL, fraction = 0"
+                    " WHERE number = ?",
+                    (owner, now + seconds, number),
                 )
             rows = [tables.execute("SELECT * FROM jobs WHERE number = ?", (number,)).fetchone() for number in picked]
         return [Lease(job=job_of(row), number=row["attempt"], until=row["until"]) for row in rows]
+
+    def begin(self, leases: Iterable[Lease]) -> None:
+        """Say that workers have jobs now: they run, and that counts as a try, whatever becomes of us.
+
+        To say it again does nothing, and neither does a lease that is not in force any more.
+        """
+        now = self._clock()
+        with self._database.write() as tables:
+            for lease in leases:
+                tables.execute(
+                    "UPDATE jobs SET state = 'running', started = max(created, ?), tries = tries + 1"
+                    " WHERE id = ? AND attempt = ? AND state = 'queued' AND owner IS NOT NULL",
+                    (now, lease.job.id, lease.number),
+                )
 
     def beat(self, owner: str, progress: Mapping[str, tuple[str | None, float]], seconds: float) -> set[str]:
         """Keep jobs for `seconds` more, and remember how far they are.
@@ -95,7 +111,7 @@ class Leases(Part):
                 ).rowcount
                 if not kept:
                     stop.add(id)
-            query = "SELECT id FROM jobs WHERE state = 'running' AND owner = ? AND cancel_asked"
+            query = "SELECT id FROM jobs WHERE owner = ? AND cancel_asked"
             return stop | {row[0] for row in tables.execute(query, (owner,))}
 
     def finish(self, endings: Sequence[Ending]) -> set[str]:
@@ -109,11 +125,14 @@ class Leases(Part):
         with self._database.write() as tables:
             for ending in endings:
                 changed = tables.execute(
-                    "UPDATE jobs SET state = :state, ended = max(started, :now), owner = NULL, until = NULL,"
-                    " cancel_asked = 0, fraction = CASE WHEN :state = 'done' THEN 1 ELSE fraction END, error = :error,"
-                    " stage = coalesce(:stage, stage), warnings = :warnings, seconds = :seconds, summary = :summary,"
+                    "UPDATE jobs SET state = :state, ended = max(coalesce(started, created), :now), owner = NULL,"
+                    # One whose result is found whole has no start of its own where the service died before it was told.
+                    " started = CASE WHEN :state = 'done' THEN coalesce(started, created) ELSE started END,"
+                    " until = NULL, cancel_asked = 0, error = :error,"
+                    " fraction = CASE WHEN :state = 'done' THEN 1 ELSE fraction END, stage = coalesce(:stage, stage),"
+                    " warnings = :warnings, seconds = :seconds, summary = :summary,"
                     " rig = coalesce(:rig, rig), bytes = coalesce(:bytes, bytes)"
-                    " WHERE id = :id AND attempt = :number AND state = 'running'",
+                    " WHERE id = :id AND attempt = :number AND owner IS NOT NULL",
                     {
                         "id": ending.id,
                         "number": ending.number,
@@ -132,6 +151,9 @@ class Leases(Part):
                     applied.add(ending.id)
                     if ending.rig is not None:
                         insert_rig(tables, ending.rig)
+                    if ending.rig_is_right:
+                        query = "UPDATE rigs SET checked = 1 WHERE id = (SELECT rig FROM jobs WHERE id = ?)"
+                        tables.execute(query, (ending.id,))
         return applied
 
     def give_back(self, owner: str, ids: Iterable[str], *, charge: bool) -> list[Job]:
@@ -140,7 +162,7 @@ class Leases(Part):
         Args:
             owner: whose they are; jobs of others are left alone.
             ids: of the jobs.
-            charge: whether the try counts: not where the service stopped for reasons of its own.
+            charge: whether that counts as a try, be it begun or not: not where the service stopped for its own reasons.
 
         Returns:
             Those that this changed.
@@ -156,6 +178,8 @@ class Leases(Part):
     def reclaim(self, owner_alive: Callable[[str], bool] | None, tries: int) -> list[Job]:
         """Put jobs back into the queue whose lease ran out, or whose owner is gone; fail them after `tries`.
 
+        Those that had begun lose their try: such a job may be what ended the owner.
+
         Args:
             owner_alive: whether an owner is; None to ask for the time of the leases alone.
             tries: after so many a job has failed.
@@ -165,30 +189,25 @@ class Leases(Part):
         """
         now = self._clock()
         with self._database.write() as tables:
-            rows = tables.execute("SELECT * FROM jobs WHERE state = 'running'").fetchall()
+            rows = tables.execute("SELECT * FROM jobs WHERE owner IS NOT NULL").fetchall()
             alive = {row["owner"] for row in rows if owner_alive is None or owner_alive(row["owner"])}
             lost = [row for row in rows if row["until"] < now or row["owner"] not in alive]
-            return [_release(tables, row, now, charge=True, tries=tries) for row in lost]
+            return [_release(tables, row, now, charge=_has_begun(row), tries=tries) for row in lost]
 
 
-def _pick(tables: sqlite3.Connection, count: int, most: int | None) -> list[int]:
+def _pick(tables: sqlite3.Connection, count: int) -> list[int]:
     """The numbers of the next jobs, in the order in which they are due; the turns of their clients are noted."""
-    waiting = dict(
-        tables.execute("SELECT client, count(*) FROM jobs WHERE state = 'queued' GROUP BY client").fetchall()
-    )
-    running = dict(
-        tables.execute("SELECT client, count(*) FROM jobs WHERE state = 'running' GROUP BY client").fetchall()
-    )
+    free = "FROM jobs WHERE state = 'queued' AND owner IS NULL"
+    waiting = dict(tables.execute(f"SELECT client, count(*) {free} GROUP BY client").fetchall())
+    query = "SELECT client, count(*) FROM jobs WHERE owner IS NOT NULL GROUP BY client"
+    leased = dict(tables.execute(query).fetchall())
     turns = dict(tables.execute("SELECT name, turn FROM clients").fetchall())
     last = max(turns.values(), default=0)
-    heap = [(running.get(client, 0), turns[client], client) for client in waiting]
+    heap = [(leased.get(client, 0), turns[client], client) for client in waiting]
     heapq.heapify(heap)
     order: list[str] = []
     while heap and len(order) < count:
         busy, _, client = heapq.heappop(heap)
-        # Whoever has the fewest running is over the limit: so are all others.
-        if most is not None and busy >= most:
-            break
         last += 1
         turns[client] = last
         order.append(client)
@@ -198,9 +217,13 @@ def _pick(tables: sqlite3.Connection, count: int, most: int | None) -> list[int]
     oldest = {}
     for client in set(order):
         tables.execute("UPDATE clients SET turn = ? WHERE name = ?", (turns[client], client))
-        query = "SELECT number FROM jobs WHERE state = 'queued' AND client = ? ORDER BY number LIMIT ?"
+        query = f"SELECT number {free} AND client = ? ORDER BY number LIMIT ?"
         oldest[client] = iter([row[0] for row in tables.execute(query, (client, order.count(client)))])
     return [next(oldest[client]) for client in order]
+
+
+def _has_begun(row: sqlite3.Row) -> bool:
+    return State(row["state"]) is State.RUNNING
 
 
 def _release(
@@ -208,23 +231,24 @@ def _release(
 ) -> Job:
     """Take a lease off a job; returns the job as it is then."""
     state, error = State.QUEUED, None
+    counted = row["tries"] + charge - _has_begun(row)
     if row["cancel_asked"]:
         state = State.CANCELLED
-    elif tries is not None and row["tries"] >= tries:
+    elif tries is not None and counted >= tries:
         state = State.FAILED
         during = f" during {row['stage']}" if row["stage"] else ""
         error = (
-            f"the service ended or lost hold of it{during} in the last of {row['tries']} tries: restart it, or try the"
+            f"the service ended or lost hold of it{during} in the last of {counted} tries: restart it, or try the"
             " pair by itself"
         )
     tables.execute(
         "UPDATE jobs SET state = :state, ended = :ended, error = :error, owner = NULL, until = NULL, cancel_asked = 0,"
-        " tries = tries - :spared WHERE number = :number",
+        " tries = :tries WHERE number = :number",
         {
             "state": state,
-            "ended": max(now, row["started"]) if state.ended else None,
+            "ended": max(now, row["started"] or row["created"]) if state.ended else None,
             "error": error,
-            "spared": 0 if charge else 1,
+            "tries": counted,
             "number": row["number"],
         },
     )

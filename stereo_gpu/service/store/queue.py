@@ -73,7 +73,9 @@ class Queue(Part):
                 raise Conflict(f"job {id} is {job.state}: there is nothing to cancel any more; delete it")
             if job.state is State.QUEUED:
                 ended = max(self._clock(), job.started or job.created)
-                tables.execute("UPDATE jobs SET state = 'cancelled', ended = ? WHERE id = ?", (ended, id))
+                # Whoever has leased it loses it by this.
+                query = "UPDATE jobs SET state = 'cancelled', ended = ?, owner = NULL, until = NULL WHERE id = ?"
+                tables.execute(query, (ended, id))
             elif job.state is State.RUNNING:
                 tables.execute("UPDATE jobs SET cancel_asked = 1 WHERE id = ?", (id,))
             return find_job(tables, client, id)

@@ -52,8 +52,3 @@ class Rigs(Part):
                 raise Busy(f"rig {id} is needed by {needed} jobs that have not ended: cancel them, or wait")
             tables.execute("DELETE FROM rigs WHERE id = ?", (id,))
             return True
-
-    def mark_checked(self, id: str) -> None:
-        """Remember that a pair was found right by the full check of this rig."""
-        with self._database.write() as tables:
-            tables.execute("UPDATE rigs SET checked = 1 WHERE id = ?", (id,))

@@ -1,7 +1,7 @@
 """The tables of the service, and what tells that a file holds them.
 
-What must always hold stands in the tables themselves: a job has ended exactly if it has the time of its end, runs
-exactly if somebody has leased it, and has an error exactly if it failed.
+What must always hold stands in the tables themselves: a job has ended exactly if it has the time of its end, has an
+error exactly if it failed, and runs only while somebody has leased it; who has leased it may let it wait a little yet.
 """
 
 from __future__ import annotations
@@ -62,12 +62,14 @@ CREATE TABLE jobs (
   bytes INTEGER NOT NULL DEFAULT 0,
   cancel_asked INTEGER NOT NULL DEFAULT 0,
   CHECK ((state IN ('done', 'failed', 'cancelled')) = (ended IS NOT NULL)),
-  CHECK ((state = 'running') = (owner IS NOT NULL)),
+  CHECK (state <> 'running' OR owner IS NOT NULL),
+  CHECK (ended IS NULL OR owner IS NULL),
   CHECK ((owner IS NULL) = (until IS NULL)),
   CHECK ((state = 'failed') = (error IS NOT NULL)),
   CHECK (state = 'running' OR NOT cancel_asked)
 );
-CREATE INDEX jobs_by_state ON jobs (state, client, number);
+CREATE INDEX jobs_by_state ON jobs (state, client, number, owner);
+CREATE INDEX jobs_leased ON jobs (owner, client) WHERE owner IS NOT NULL;
 CREATE INDEX jobs_by_client ON jobs (client, number);
 CREATE INDEX jobs_ended ON jobs (ended, bytes) WHERE ended IS NOT NULL;
 CREATE INDEX jobs_open_by_rig ON jobs (rig) WHERE ended IS NULL;
