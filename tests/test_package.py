@@ -1,6 +1,7 @@
 """The package's public names are there when asked for, and cost nothing before."""
 
 import ast
+import os
 import subprocess
 import sys
 import tomllib
@@ -49,7 +50,8 @@ def test_a_function_is_not_hidden_by_the_module_of_its_name():
 def test_every_package_gets_into_the_wheel():
     listed = set(tomllib.loads(PROJECT.read_text("utf-8"))["tool"]["setuptools"]["packages"])
     root = PROJECT.parent
-    own = {".".join(file.parent.relative_to(root).parts) for file in root.glob("stereo_gpu/**/__init__.py")}
+    folders = [Path(folder) for folder, _, files in os.walk(root / "stereo_gpu") if files]  # those of data, too
+    own = {".".join(folder.relative_to(root).parts) for folder in folders if folder.name != "__pycache__"}
     kernels = {f"stereo_gpu.{'.'.join(f.parent.relative_to(root).parts)}" for f in root.glob("kernels/**/__init__.py")}
     assert listed == own | kernels
 
