@@ -144,6 +144,6 @@ def ray_cluster():
         missing("ray", 'it is not installed: pip install "stereo-gpu[ray]"')
     from stereo_gpu.engines.ray_connection import connect, release
 
-    connect(None, 4)
+    connect(None, 2)
     yield
     release()

@@ -52,10 +52,10 @@ def test_a_warm_worker_is_taken_before_a_cold_one(opened):
     assert sum(worker.warm for worker in executor.workers()) == 1
 
 
-def test_jobs_that_wait_start_as_many_as_they_need(opened):
-    executor = opened(worker_tasks.sleep_then, 4)
-    jobs = [executor.submit((0.5, number)) for number in range(2)]
-    assert len({job.answer.result(SOON_S).result[1] for job in jobs}) == 2
+def test_jobs_that_wait_start_as_many_as_they_need(opened, tmp_path):
+    executor = opened(worker_tasks.meet, 4)
+    jobs = [executor.submit((tmp_path, 2)) for _ in range(2)]
+    assert len({job.answer.result(SOON_S).result for job in jobs}) == 2
     assert sum(worker.warm for worker in executor.workers()) == 2
 
 

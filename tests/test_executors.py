@@ -114,18 +114,17 @@ def test_what_fails_says_why_and_takes_nothing_with_it(opened):
 
 def test_one_that_takes_too_long_is_stopped(opened):
     executor = opened(worker_tasks.take_time, tells=True)
-    long = executor.submit((30.0,), limits=Limits(seconds=0.5))
+    long = executor.submit((2 * SOON_S,), limits=Limits(seconds=0.2))
     short = executor.submit((0.1,), limits=Limits(seconds=SOON_S))
-    start = time.monotonic()
-    assert isinstance(taken(long).error, WorkerError) and "took over 0.5 s" in str(taken(long).error)
-    assert taken(short).result == "well" and time.monotonic() - start < SOON_S
+    assert isinstance(taken(long).error, WorkerError) and "took over 0.2 s" in str(taken(long).error)
+    assert taken(short).result == "well"
 
 
 @pytest.mark.skipif(not MEMORY_IS_KNOWN, reason="this system does not tell what a process holds")
 def test_one_that_takes_too_much_memory_is_stopped(engine, opened):
     before = resident_memory() if engine == "inline" else 200 * MEGABYTE
     executor = opened(worker_tasks.grow, tells=True)
-    limits = Limits(memory_bytes=before + 200 * MEGABYTE)
+    limits = Limits(memory_bytes=before + 100 * MEGABYTE)
     large, small = executor.submit((1500,), limits=limits), executor.submit((20,), limits=limits)
     assert isinstance(taken(large).error, WorkerError) and "MB, over its limit of" in str(taken(large).error)
     assert taken(small).result == 1
@@ -150,9 +149,9 @@ def test_what_is_cancelled_stops_and_what_waits_never_begins(opened, tmp_path):
 def test_cancelling_at_any_moment_stops_that_job_alone(opened):
     executor = opened(worker_tasks.take_time, tells=True)
     executor.start()
-    for number in range(12):
+    for number in range(8):
         doomed, next_one = executor.submit((0.06,)), executor.submit((0.0,))
-        time.sleep(0.01 * number)
+        time.sleep(0.014 * number)
         doomed.cancel()
         assert taken(doomed).result == "well" or isinstance(taken(doomed).error, CancelledError)
         assert taken(next_one).result == "well"
@@ -160,11 +159,9 @@ def test_cancelling_at_any_moment_stops_that_job_alone(opened):
 
 def test_closing_answers_all_and_takes_no_more(opened, tmp_path):
     executor = opened(worker_tasks.take_time, tells=True)
-    running, waiting = executor.submit((30.0, tmp_path / "first")), executor.submit((0.0,))
+    running, waiting = executor.submit((2 * SOON_S, tmp_path / "first")), executor.submit((0.0,))
     wait_for((tmp_path / "first").exists)
-    start = time.monotonic()
     executor.close(0.5)
-    assert time.monotonic() - start < SOON_S / 2
     assert all(isinstance(job.answer.result(0).error, CancelledError) for job in (running, waiting))
     with pytest.raises(StereoError, match="open others"):
         executor.submit((0.0,))
@@ -218,7 +215,7 @@ def test_many_threads_may_submit(opened):
     answers = {}
 
     def work(first):
-        for value in range(first, first + 25):
+        for value in range(first, first + 10):
             answers[value] = taken(executor.submit((value,))).result
 
     threads = [threading.Thread(target=work, args=(100 * number,)) for number in range(8)]
@@ -226,7 +223,7 @@ def test_many_threads_may_submit(opened):
         thread.start()
     for thread in threads:
         thread.join()
-    assert answers == {value: 2 * value for first in range(0, 800, 100) for value in range(first, first + 25)}
+    assert answers == {value: 2 * value for first in range(0, 800, 100) for value in range(first, first + 10)}
 
 
 def test_a_failed_job_lets_go_of_its_arrays(opened):
@@ -266,8 +263,8 @@ def test_a_worker_that_dies_loses_its_job_alone(opened):
 @pytest.mark.skipif(not MEMORY_IS_KNOWN, reason="this system does not tell what a process holds")
 def test_memory_counts_what_a_job_starts(opened):
     executor = opened(worker_tasks.grow_in_a_child)
-    answer = taken(executor.submit((600,), limits=Limits(memory_bytes=500 * MEGABYTE, seconds=SOON_S)))
-    assert isinstance(answer.error, WorkerError) and "over its limit of 500 MB" in str(answer.error)
+    answer = taken(executor.submit((300,), limits=Limits(memory_bytes=300 * MEGABYTE, seconds=SOON_S)))
+    assert isinstance(answer.error, WorkerError) and "over its limit of 300 MB" in str(answer.error)
 
 
 @pytest.mark.parametrize(

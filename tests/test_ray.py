@@ -13,6 +13,7 @@ import pytest
 import worker_tasks
 
 from stereo_gpu.cli import main
+from stereo_gpu.engines import crew, ray_worker
 from stereo_gpu.engines.executor import Work
 from stereo_gpu.engines.ray_connection import _refuse_open_dashboard
 from stereo_gpu.errors import InputError, WorkerError
@@ -112,7 +113,9 @@ def test_an_actor_that_is_lost_is_made_again(opened, psutil):
     wait_for(lambda: not psutil.pid_exists(pid))  # what it had supervised does not go on
 
 
-def test_a_loss_is_noticed_while_nothing_is_to_do(opened, psutil):
+def test_a_loss_is_noticed_while_nothing_is_to_do(opened, psutil, monkeypatch):
+    monkeypatch.setattr(crew, "AGAIN_S", 0.2)
+    monkeypatch.setattr(ray_worker, "OLD_S", 0.1)
     executor = opened(worker_tasks.sleep_then)
     executor.start()
     wait_for(lambda: executor.workers()[0].warm)
@@ -125,7 +128,7 @@ def test_a_loss_is_noticed_while_nothing_is_to_do(opened, psutil):
 def test_one_that_cannot_get_ready_makes_room_for_another(opened):
     by_worker = [{"broken": True}, {"broken": False}]
     options = {"prepare": worker_tasks.refuse_to_prepare, "by_worker": by_worker}
-    executor = opened(worker_tasks.which, workers=2, num_cpus=3, **options)  # of 4 that there are
+    executor = opened(worker_tasks.which, workers=2, num_cpus=2, **options)  # of 2 that there are
     assert executor.submit((1,)).answer.result(SOON_S).result == (1, False)
 
 

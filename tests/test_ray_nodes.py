@@ -18,7 +18,7 @@ from stereo_gpu.errors import InputError
 from stereo_gpu.rig import Rig
 
 SOON_S = 60.0
-PAIRS = 16
+PAIRS = 12
 
 
 @pytest.fixture
@@ -69,9 +69,10 @@ def two_nodes(ray, monkeypatch):
                 "object_store_memory": store,
             },
         )
-        nodes = [cluster.add_node(num_cpus=1, object_store_memory=store) for _ in range(2)]
-        yield cluster, nodes
-        cluster.shutdown()
+        try:
+            yield cluster, [cluster.add_node(num_cpus=1, object_store_memory=store) for _ in range(2)]
+        finally:
+            cluster.shutdown()
 
 
 def processes(node, pattern):

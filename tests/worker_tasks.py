@@ -22,6 +22,14 @@ def sleep_then(seconds, value):
     return value, os.getpid()
 
 
+def meet(folder, count):
+    """Ends once so many processes are here at the same time."""
+    (folder / str(os.getpid())).touch()
+    while len(list(folder.iterdir())) < count:
+        time.sleep(0.01)
+    return os.getpid()
+
+
 def misbehave(what):
     if what == "kill":
         os.kill(os.getpid(), signal.SIGKILL)
