@@ -323,6 +323,38 @@ def test_what_no_rule_allows_is_found_by_the_check(tmp_path):
     store.close()
 
 
+def test_nothing_that_is_asked_often_reads_the_whole_table(store):
+    put(store, count=3)
+    asked = []
+    for tables in (store._database._reader, store._database._writer):
+        tables.set_trace_callback(asked.append)
+    job, *_ = store.jobs("ann")
+    for kind in (None, Kind.CALIBRATION):
+        for state in (None, State.FAILED):
+            store.jobs("ann", kind=kind, state=state, after=10**6)
+    store.counts(), store.places([job]), store.any_job(job.id), store.known(), store.leased()
+    store.ended_bytes(), store.ended_before(1.0), store.delete_rig("ann", new_id())
+    put(store)
+    leases = store.lease("o", 2, 30)
+    store.begin(leases)
+    store.beat("o", {lease.job.id: ("match", 0.5) for lease in leases}, 30)
+    finish(store, leases[0])
+    store.give_back("o", [leases[1].job.id], charge=True)
+    store.reclaim(None, 3)
+    for tables in (store._database._reader, store._database._writer):
+        tables.set_trace_callback(None)
+    plans = {}
+    for query in asked:
+        if query.startswith(("SELECT", "UPDATE")):
+            plan = store._database._reader.execute(f"EXPLAIN QUERY PLAN {query}")
+            plans[query] = [row["detail"] for row in plan if row["detail"].startswith("SCAN jobs")]
+    # An index alone is small, and that of what is leased has a few rows.
+    reads = {
+        query: plan for query, plan in plans.items() if not all("COVERING" in s or "jobs_leased" in s for s in plan)
+    }
+    assert len(plans) > 20 and reads == {}
+
+
 def test_sixteen_threads_lose_and_double_nothing(tmp_path):
     clients = [f"client{n}" for n in range(4)]
     store = open_store(tmp_path, *clients)

@@ -69,8 +69,9 @@ CREATE TABLE jobs (
   CHECK (state = 'running' OR NOT cancel_asked)
 );
 CREATE INDEX jobs_by_state ON jobs (state, client, number, owner);
-CREATE INDEX jobs_leased ON jobs (owner, client) WHERE owner IS NOT NULL;
+CREATE INDEX jobs_leased ON jobs (client) WHERE owner IS NOT NULL;
 CREATE INDEX jobs_by_client ON jobs (client, number);
+CREATE INDEX jobs_by_kind ON jobs (client, kind, number);
 CREATE INDEX jobs_ended ON jobs (ended, bytes) WHERE ended IS NOT NULL;
 CREATE INDEX jobs_open_by_rig ON jobs (rig) WHERE ended IS NULL;
 
