@@ -1,3 +1,4 @@
+import errno
 import hashlib
 import json
 import os
@@ -93,6 +94,15 @@ with Folders({str(root)!r}).own():
         process.wait()
         process.stdout.close()
     with Folders(root).own():
+        pass
+
+
+def test_a_disk_that_is_full_keeps_nobody_from_starting(tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "write", full)
+    with Folders(tmp_path / "data").own():
         pass
 
 

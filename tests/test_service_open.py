@@ -1,5 +1,6 @@
 """The service without HTTP: opened on a folder, closed in order, refused in one line."""
 
+import errno
 import stat
 import time
 
@@ -10,7 +11,9 @@ need_service()
 
 from stereo_gpu.errors import BackendError, InputError  # noqa: E402
 from stereo_gpu.service import housekeeping, workers  # noqa: E402
+from stereo_gpu.service.folders import Folders  # noqa: E402
 from stereo_gpu.service.records import Job, Kind, State  # noqa: E402
+from stereo_gpu.service.refusals import DiskFull  # noqa: E402
 from stereo_gpu.service.service import FIRST_CLIENT, Service  # noqa: E402
 from stereo_gpu.service.settings import Settings  # noqa: E402
 from stereo_gpu.service.store import Store  # noqa: E402
@@ -66,6 +69,34 @@ def test_it_says_why_it_is_not_ready(tmp_path):
     finally:
         one.close(0.0)
     assert "it is stopping" in one.not_ready()
+
+
+def test_a_token_that_cannot_be_kept_does_not_count(tmp_path, monkeypatch):
+    def full(*_):
+        raise DiskFull("cannot write token: the disk is full; make room")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Folders, "keep_token", full)
+        with pytest.raises(DiskFull, match="make room"):
+            Service.open(settings(tmp_path))
+    one = Service.open(settings(tmp_path))
+    try:
+        assert one.store.client_of(one.folders.token_file.read_text().strip()) == FIRST_CLIENT
+    finally:
+        one.close(0.0)
+
+
+def test_a_folder_that_cannot_be_reached_is_a_reason_not_a_fault(tmp_path, monkeypatch):
+    one = Service.open(settings(tmp_path))
+
+    def gone(_):
+        raise OSError(errno.ESTALE, "Stale file handle")
+
+    try:
+        monkeypatch.setattr("stereo_gpu.service.service.shutil.disk_usage", gone)
+        assert "the data folder cannot be reached: Stale file handle" in one.not_ready()
+    finally:
+        one.close(0.0)
 
 
 def test_nothing_begins_where_the_disk_is_short(tmp_path):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from stereo_gpu.errors import InputError
@@ -22,8 +22,9 @@ def own(paths: Paths) -> Iterator[None]:
     held = os.open(paths.lock, os.O_RDWR | os.O_CREAT, 0o600)
     try:
         _lock(paths.root, held)
-        os.ftruncate(held, 0)
-        os.write(held, f"{os.getpid()}\n".encode())
+        with suppress(OSError):  # on a full disk: it is for people alone, and who looks after it may free some room
+            os.ftruncate(held, 0)
+            os.write(held, f"{os.getpid()}\n".encode())
         yield
     finally:
         os.close(held)

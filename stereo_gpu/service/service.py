@@ -108,9 +108,16 @@ class Service:
             reasons.append("nothing gives jobs to the workers")
         if not any(worker.warm for worker in self.executor.workers()):
             reasons.append("no worker is warm yet")
-        if shutil.disk_usage(self.settings.data).free < self.settings.spare_gb * 1024 * MEGABYTE:
-            reasons.append(f"less than {self.settings.spare_gb:g} GB is free on the disk")
-        return reasons
+        return reasons + self._faults_of_the_disk()
+
+    def _faults_of_the_disk(self) -> list[str]:
+        try:
+            free = shutil.disk_usage(self.settings.data).free
+        except OSError as error:
+            return [f"the data folder cannot be reached: {error.strerror or error}"]
+        if free < self.settings.spare_gb * 1024 * MEGABYTE:
+            return [f"less than {self.settings.spare_gb:g} GB is free on the disk"]
+        return []
 
     def close(self, grace_s: float | None = None) -> None:
         """End in order: jobs that have begun get `grace_s`, or what the settings say; the rest stays in the queue."""
@@ -123,6 +130,4 @@ def _first_token(store: Store, folders: Folders) -> str | None:
     """Make the first client and keep its token in a file that its owner alone can read; None if there are clients."""
     if store.clients():
         return None
-    token = store.add_client(FIRST_CLIENT)
-    folders.keep_token(token)
-    return token
+    return store.add_client(FIRST_CLIENT, keep=folders.keep_token)

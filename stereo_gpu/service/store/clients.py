@@ -6,6 +6,7 @@ import hashlib
 import hmac
 import re
 import secrets
+from collections.abc import Callable
 
 from stereo_gpu.errors import InputError
 from stereo_gpu.service.store.part import Part
@@ -18,10 +19,14 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 class Clients(Part):
     """Tokens and the clients that they stand for."""
 
-    def add_client(self, name: str) -> str:
+    def add_client(self, name: str, *, keep: Callable[[str], object] | None = None) -> str:
         """A new token, of 256 random bits, for the client of this name; it may have others already.
 
         It cannot be asked for again: only its sha256 is kept, which suffices for what cannot be guessed.
+
+        Args:
+            name: of the client.
+            keep: told the token before it counts, so that none counts that nobody knows: if it fails, there is none.
 
         Raises:
             InputError: the name is not one of up to 64 letters, digits, dots, dashes and underscores.
@@ -32,6 +37,8 @@ class Clients(Part):
         with self._database.write() as tables:
             tables.execute("INSERT INTO clients (name, created) VALUES (?, ?) ON CONFLICT DO NOTHING", (name, now))
             tables.execute("INSERT INTO tokens VALUES (?, ?, ?)", (_hash(token), name, now))
+            if keep is not None:
+                keep(token)
         return token
 
     def client_of(self, token: str) -> str | None:
