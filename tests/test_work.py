@@ -101,6 +101,13 @@ def test_no_picture_of_a_step_is_worth_a_model(folders, caplog):
     assert "no picture of pair" in caplog.text
 
 
+def test_a_fault_of_a_picture_loses_no_model(folders, caplog, monkeypatch):
+    monkeypatch.setattr("stereo_gpu.service.step_pictures.figures.colour_disparity", lambda values: values[0, 0, 0])
+    assert do(folders, order({**FAST, "steps": True}))["outcome"].summary["triangles"] > 100
+    assert "no picture of disparity: too many indices" in caplog.text
+    assert not folders.step(JOB, "disparity").exists() and folders.step(JOB, "textured").exists()
+
+
 def test_large_pictures_with_16_bits_are_shown_as_bright_as_small_ones(folders, raw_folder):
     for name in PAIR:
         picture = sg.read_image(raw_folder / name)
@@ -163,6 +170,13 @@ def test_a_worker_whose_device_does_nothing_more_ends(folders, monkeypatch):
     with pytest.raises(BackendError, match="launch failed once"):
         do(folders, order())
     assert calls
+
+
+def test_a_worker_ends_where_the_storage_is_gone(folders):
+    # Else it would say of every job that its pictures are missing, as fast as they come.
+    folders.root.rename(folders.root.with_name("elsewhere"))
+    with pytest.raises(SystemExit, match="is there no more"):
+        do(folders, order())
 
 
 def test_prepare_makes_a_device_ready(tmp_path, monkeypatch):

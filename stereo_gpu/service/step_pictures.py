@@ -11,7 +11,6 @@ import numpy as np
 from stereo_gpu import figures
 from stereo_gpu.backends import open_backend
 from stereo_gpu.engines.executor import Tell
-from stereo_gpu.errors import StereoError
 from stereo_gpu.files import write_whole
 from stereo_gpu.render import Shading, render
 from stereo_gpu.result import PITCH, YAW
@@ -47,7 +46,7 @@ class StepPictures:
             drawn = self._draw(name, thing)
             if drawn is not None:
                 self._write(*drawn)
-        except (StereoError, OSError, cv2.error) as error:
+        except Exception as error:
             log.warning("no picture of %s: %s", name, error)
 
     def _draw(self, name: str, thing: object) -> tuple[str, Bytes] | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import platform
 import shutil
 import sys
@@ -70,8 +71,10 @@ def do_job(order: WorkOrder, *, data: Path, backend: str | None, tell: Tell) -> 
             outcome = reconstruct_job(order, folders, backend, tell)
         folders.seal(attempt)
     except OSError as error:
+        _leave_if_gone(data)
         raise WorkerError(f"its folder cannot be written: {error.strerror or error}") from error
     except StereoError as error:
+        _leave_if_gone(data)
         if isinstance(error, BackendError) and not isinstance(error, MemoryLimitError):
             _leave_if_unfit(data, backend)
         told = _told(error, folders, order)
@@ -80,6 +83,12 @@ def do_job(order: WorkOrder, *, data: Path, backend: str | None, tell: Tell) -> 
             raise WorkerError(told) from error
         raise type(error)(told) from error
     return {"outcome": outcome, "device": _device(backend)}
+
+
+def _leave_if_gone(data: Path) -> None:
+    """End this worker if storage that it shares is gone: it would lose every job that comes, as fast as it could."""
+    if not os.path.isdir(data):  # noqa: PTH112  # which does not raise where a mount is stale
+        sys.exit(f"stereo-gpu: this worker ends, {data} is there no more")
 
 
 def _leave_if_unfit(data: Path, backend: str | None) -> None:
