@@ -18,6 +18,7 @@ from stereo_gpu.engines.executor import Work  # noqa: E402
 from stereo_gpu.engines.inline import InlineExecutor  # noqa: E402
 from stereo_gpu.engines.local import LocalExecutor  # noqa: E402
 from stereo_gpu.errors import InputError  # noqa: E402
+from stereo_gpu.service import dispatcher  # noqa: E402
 from stereo_gpu.service.dispatcher import Dispatcher  # noqa: E402
 from stereo_gpu.service.folders import Folders  # noqa: E402
 from stereo_gpu.service.live import Live  # noqa: E402
@@ -211,6 +212,18 @@ def test_a_stop_gives_back_what_is_not_done_and_the_next_start_does_it(tmp_path)
     with bench(tmp_path) as one:
         assert {(job.state, job.tries) for job in one.wait([slow, *rest])} == {(State.DONE, 1)}
         assert one.store.check() == []
+
+
+def test_a_stop_does_not_charge_what_no_worker_lets_go_of(tmp_path, monkeypatch):
+    monkeypatch.setattr(dispatcher, "LATE_S", 0.1)
+    go_on = threading.Event()
+    deaf = Work(task=lambda *_, **__: go_on.wait(60), tells=True)  # it tells no stage, where it could be stopped
+    with bench(tmp_path, lambda _: InlineExecutor(deaf)) as one:
+        [id] = one.put()
+        one.wait_for(lambda: one.job(id).state is State.RUNNING)
+        one.dispatcher.stop(0.05)
+        assert (one.job(id).state, one.job(id).tries) == (State.QUEUED, 0)
+        go_on.set()
 
 
 def test_a_stop_lets_what_has_begun_end_within_its_grace(tmp_path):

@@ -130,6 +130,7 @@ class Dispatcher:
             if failed:
                 time.sleep(AGAIN_S)
                 self.wake()
+        self._leave()
 
     def _idle_s(self) -> float:
         now = time.monotonic()
@@ -144,6 +145,13 @@ class Dispatcher:
         """Whether a stop is complete, or has waited long enough: what is open then is reclaimed at the next start."""
         assert self._stop_by is not None
         return not self._under_way or time.monotonic() > self._stop_by + LATE_S
+
+    def _leave(self) -> None:
+        """Give back without charge what no worker let go of in time; where that fails, the next start reclaims it."""
+        try:
+            self._store.give_back(self.owner, [entry.id for entry in self._under_way.all()], charge=False)
+        except Exception:
+            log.exception("jobs under way cannot be given back: the next start takes them")
 
     def _reclaim_all(self) -> None:
         """Once, at the start: one service has the folder, so that what others leased, they left."""
