@@ -1,6 +1,6 @@
 // Requests with the token; every error as one line.
 
-import { found, lost, pause, waiting } from "./connection.js";
+import { found, pause, reached, waiting } from "./connection.js";
 import { askToken, token } from "./session.js";
 
 const MOST_BROKEN = 4; // times that a request breaks off while the service answers others
@@ -25,6 +25,7 @@ export class Lost extends Error {}
 export async function send(path, { method = "GET", body, headers = {}, signal } = {}) {
   for (;;) {
     if (!token()) await askToken();
+    const sent = token();
     let answer;
     try {
       answer = await fetch(path, {
@@ -34,7 +35,7 @@ export async function send(path, { method = "GET", body, headers = {}, signal } 
         cache: "no-store",
         credentials: "omit",
         redirect: "error",
-        headers: { ...headers, Authorization: `Bearer ${token()}` },
+        headers: { ...headers, Authorization: `Bearer ${sent}` },
       });
     } catch (error) {
       if (signal?.aborted) throw signal.reason;
@@ -44,6 +45,7 @@ export async function send(path, { method = "GET", body, headers = {}, signal } 
     }
     found();
     if (answer.status === 401) {
+      if (token() !== sent) continue; // another request asked meanwhile
       await askToken("This token is not known to the service. Give the one that it printed when it first started.");
       continue;
     }
@@ -64,10 +66,13 @@ async function refusal(answer) {
   return new Refused(answer.status, detail, retry > 0 ? retry : null);
 }
 
+/** Whether it may go better a moment later: a lost connection, and what says that the service stops or is busy. */
+export const passing = (error) =>
+  error instanceof Lost || (error instanceof Refused && [502, 503, 504].includes(error.status));
+
 /**
  * Do something that may safely be done twice, until the service answers.
  *
- * `once` is tried again after a lost connection, and after a 503, which says that the service is about to stop or busy.
  * Where only this breaks off, and the service answers otherwise, something between is against it: that is told at last.
  */
 export async function persist(once, signal) {
@@ -76,21 +81,12 @@ export async function persist(once, signal) {
     try {
       return await once();
     } catch (error) {
-      const busy = error instanceof Refused && [502, 503, 504].includes(error.status);
-      if (!busy && !(error instanceof Lost)) throw error;
-      if (!busy && (await alive(signal)) && ++broken >= MOST_BROKEN) throw error;
-      if (!busy) lost();
-      await pause(busy && error.retrySeconds ? 1000 * error.retrySeconds : waiting(tries), signal);
+      if (!passing(error)) throw error;
+      if (error instanceof Lost && (await reached()) && ++broken >= MOST_BROKEN) throw error;
+      await pause(error.retrySeconds ? 1000 * error.retrySeconds : waiting(tries), signal);
     }
   }
 }
-
-/** Whether the service answers at all. */
-const alive = (signal) =>
-  fetch("/healthz", { cache: "no-store", credentials: "omit", signal }).then(
-    ({ ok }) => ok,
-    () => false,
-  );
 
 /** The JSON at a path, however long that takes. */
 export const getJson = (path, signal) =>
@@ -110,7 +106,24 @@ export async function body(answer, kind, signal) {
   }
 }
 
-/** A key for one wish, by which the service knows it again. */
-export function newKey() {
+/**
+ * A sender of one form, which gives the job that the service made of it.
+ *
+ * The same values sent again, after a lost connection or by another press after an error, have the same key, by which
+ * the service makes one job of them; a text is the same if it reads the same, a file if it is the same one.
+ */
+export function jobSender(path) {
+  let last = { values: [], key: "" };
+  return async (form, values) => {
+    if (values.length !== last.values.length || values.some((value, index) => value !== last.values[index]))
+      last = { values, key: newKey() };
+    const headers = { "Idempotency-Key": last.key };
+    const job = await persist(async () => body(await send(path, { method: "POST", body: form, headers }), "json"));
+    last = { values: [], key: "" }; // pressed once more it is another job
+    return job;
+  };
+}
+
+function newKey() {
   return [...crypto.getRandomValues(new Uint8Array(16))].map((byte) => byte.toString(16).padStart(2, "0")).join("");
 }

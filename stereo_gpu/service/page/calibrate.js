@@ -1,6 +1,6 @@
 // A calibration: board pictures of both cameras, what the board is, and then the job.
 
-import { body, newKey, persist, send } from "./api.js";
+import { jobSender } from "./api.js";
 import { alertLine, choice, field, make, say } from "./dom.js";
 import { byName, FORMATS, whenDropped } from "./pair.js";
 import { bytesWords } from "./words.js";
@@ -39,9 +39,9 @@ function build() {
   const pairs = make("ol", { class: "pairs" });
   const count = make("p", { class: "soft", role: "status" });
   const files = { left: [], right: [] };
-  const sides = ["left", "right"].map((side) => side_(side));
+  const sendJob = jobSender("/v1/calibrations");
 
-  function side_(side) {
+  function slot(side) {
     const input = make("input", {
       type: "file",
       multiple: true,
@@ -108,11 +108,9 @@ function build() {
     start.disabled = true;
     say(busy, "Sending the pictures …");
     try {
-      const headers = { "Idempotency-Key": newKey() };
-      const job = await persist(async () =>
-        body(await send("/v1/calibrations", { method: "POST", body: data, headers }), "json"),
-      );
-      location.hash = `#/jobs/${job.id}`;
+      const board = [columns, rows, square, marker, dictionary, label].map((input) => input.value);
+      const job = await sendJob(data, [...files.left, ...files.right, ...board]);
+      if (element.isConnected) location.hash = `#/jobs/${job.id}`; // else another view is looked at by now
     } catch (error) {
       say(told, error.message);
     } finally {
@@ -122,7 +120,7 @@ function build() {
   }
 
   list();
-  return make(
+  const element = make(
     "form",
     { submit, novalidate: true },
     make("h1", {}, "Calibrate"),
@@ -130,13 +128,15 @@ function build() {
       "p",
       { class: "soft" },
       "Pictures of a board, taken by both cameras at the same moments, tell how the cameras stand: 10 pairs or more, ",
-      "the board near and far, tilted to all sides, in every part of the picture.",
+      "the board near and far, tilted to all sides, in every part of the picture. ",
+      make("code", {}, "stereo-gpu board"),
+      " draws one to print.",
     ),
     make(
       "section",
       { class: "card" },
       make("h2", {}, "Board pictures"),
-      make("div", { class: "pair" }, sides),
+      make("div", { class: "pair" }, slot("left"), slot("right")),
       count,
       make("details", {}, make("summary", {}, "The pairs, in the order of their names"), pairs),
     ),
@@ -163,4 +163,5 @@ function build() {
     busy,
     make("p", { class: "buttons" }, start),
   );
+  return element;
 }

@@ -1,7 +1,7 @@
 // Server-sent events over fetch, since EventSource sends no token; comes back by itself until the job has ended.
 
-import { getJson, Lost, Refused, send } from "./api.js";
-import { lost, pause, waiting } from "./connection.js";
+import { getJson, Lost, passing, send } from "./api.js";
+import { pause, reached, waiting } from "./connection.js";
 
 const SILENT = 30_000; // ms: the service sends a comment every 10 s, so the line is dead after that
 const UNSEEN = 5000; // ms between looks at a job while the page is not seen
@@ -26,9 +26,8 @@ export async function follow(path, changed, signal) {
       else await listen(`${path}/events`, signal, take);
     } catch (error) {
       if (signal.aborted) throw signal.reason;
-      const busy = error instanceof Refused && [502, 503, 504].includes(error.status);
-      if (!busy && !(error instanceof Lost)) throw error;
-      if (!document.hidden) lost();
+      if (!passing(error)) throw error;
+      if (error instanceof Lost) await reached();
     }
     if (ended) return;
     if (document.hidden) await seen(UNSEEN, signal);
@@ -49,8 +48,8 @@ async function seen(milliseconds, signal) {
 
 async function listen(path, signal, changed) {
   const silence = new AbortController();
-  let timer = setTimeout(() => silence.abort(), SILENT);
-  const stop = () => silence.abort();
+  const stop = () => silence.abort(new Lost("the service broke off its events"));
+  let timer = setTimeout(stop, SILENT);
   signal.addEventListener("abort", stop);
   document.addEventListener("visibilitychange", stop); // it can only have been hidden
   try {
@@ -58,10 +57,12 @@ async function listen(path, signal, changed) {
     const reader = answer.body.pipeThrough(new TextDecoderStream()).getReader();
     let rest = "";
     for (;;) {
-      const { done, value } = await reader.read();
+      const { done, value } = await reader.read().catch((cause) => {
+        throw new Lost("the service broke off its events", { cause });
+      });
       if (done) return;
       clearTimeout(timer);
-      timer = setTimeout(() => silence.abort(), SILENT);
+      timer = setTimeout(stop, SILENT);
       const events = (rest + value).replaceAll("\r\n", "\n").split("\n\n");
       rest = events.pop();
       for (const event of events) {
@@ -69,10 +70,8 @@ async function listen(path, signal, changed) {
         if (name === "job") changed(JSON.parse(data));
       }
     }
-  } catch (error) {
-    if (error instanceof Refused) throw error;
-    throw new Lost("the service broke off its events", { cause: error });
   } finally {
+    stop(); // closes it, also where what was told threw
     clearTimeout(timer);
     signal.removeEventListener("abort", stop);
     document.removeEventListener("visibilitychange", stop);

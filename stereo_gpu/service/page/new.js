@@ -1,6 +1,6 @@
 // A new model: two pictures, a rig, what is wanted of them, options; then the job.
 
-import { body, getBlob, getJson, newKey, persist, send } from "./api.js";
+import { getBlob, getJson, jobSender } from "./api.js";
 import { alertLine, button, field, make, say } from "./dom.js";
 import { openOutline } from "./outline.js";
 import { optionFields } from "./options.js";
@@ -31,7 +31,7 @@ function build() {
   const rigs = rigPicker(changed);
   const options = optionFields(changed);
   let painting = null; // {stop, painter}
-  let sent = { what: "", key: "" };
+  const sendJob = jobSender("/v1/jobs");
 
   /** What the outline belongs to has changed: it goes. */
   function changed() {
@@ -55,7 +55,7 @@ function build() {
     if (painting) return closePainter("");
     const stop = new AbortController();
     painting = { stop, painter: null };
-    paint.textContent = "Paint nothing";
+    paint.textContent = "Take everything instead";
     say(paintFailed, "");
     say(paintTold, "Rectifying the pair …");
     try {
@@ -91,8 +91,7 @@ function build() {
     try {
       const mask = painting?.painter ? await painting.painter.mask() : null;
       const job = await post(mask);
-      sent = { what: "", key: "" };
-      location.hash = `#/jobs/${job.id}`;
+      if (element.isConnected) location.hash = `#/jobs/${job.id}`; // else another view is looked at by now
     } catch (error) {
       const later = error.retrySeconds ? ` Try again in ${error.retrySeconds} s.` : "";
       say(told, error.message + later);
@@ -102,25 +101,18 @@ function build() {
     }
   }
 
-  /** Send the job; a lost connection sends it again under the same key, so that it is made once. */
-  async function post(mask) {
+  function post(mask) {
+    const { left, right } = pair.files;
     const given = JSON.stringify(options.value());
+    const name = label.value.trim();
     const data = new FormData();
-    for (const side of ["left", "right"]) data.append(side, pair.files[side], pair.files[side].name);
+    data.append("left", left, left.name);
+    data.append("right", right, right.name);
     data.append("rig", rigs.state.id);
     if (mask) data.append("mask", mask, "mask.png");
     data.append("options", given);
-    if (label.value.trim()) data.append("label", label.value.trim());
-    // Pressed again after an error the same wish has the same key; another wish, another one.
-    const files = ["left", "right"].map((side) => [
-      pair.files[side].name,
-      pair.files[side].size,
-      pair.files[side].lastModified,
-    ]);
-    const what = JSON.stringify([files, rigs.state.id, given, label.value, mask?.size]);
-    if (what !== sent.what) sent = { what, key: newKey() };
-    const headers = { "Idempotency-Key": sent.key };
-    return persist(async () => body(await send("/v1/jobs", { method: "POST", body: data, headers }), "json"));
+    if (name) data.append("label", name);
+    return sendJob(data, [left, right, rigs.state.id, mask, given, name]);
   }
 
   const element = make(
@@ -142,11 +134,11 @@ function build() {
     make(
       "section",
       { class: "card" },
-      make("h2", {}, "What is wanted"),
+      make("h2", {}, "Object"),
       make(
         "p",
         { class: "soft" },
-        "Without this it is everything that both cameras see. Painting cuts an object out of its background.",
+        "Paint it, and only it becomes a model; otherwise everything that both cameras see does.",
       ),
       make("p", { class: "buttons" }, paint),
       paintTold,
