@@ -1,6 +1,6 @@
 // The files of a result, each with a button that brings it.
 
-import { body, persist, send } from "./api.js";
+import { getBlob } from "./api.js";
 import { alertLine, button, make, say } from "./dom.js";
 import { bytesWords, fileOrder, fileWords, jobName } from "./words.js";
 
@@ -38,8 +38,7 @@ async function fetchFile(item, job, get, told, signal) {
   get.disabled = true;
   get.textContent = "Coming …";
   try {
-    const blob = await persist(async () => body(await send(item.href, { signal }), "blob", signal), signal);
-    const address = URL.createObjectURL(blob);
+    const address = URL.createObjectURL(await getBlob(item.href, signal));
     const name = jobName(job)
       .replace(/[^\p{L}\p{N}._-]+/gu, "_")
       .slice(0, 60);

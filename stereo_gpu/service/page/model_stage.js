@@ -5,6 +5,9 @@ const FIT = 1.08; // of the model's size, so that it does not touch the frame
 
 /** Put a GLB on a stage in `box`; throws where the browser has no WebGL or the model cannot be read. */
 export async function openStage(THREE, box, glb, signal) {
+  // Before there is a renderer: a browser has 16 at most, and the view may be left while the model is read.
+  const model = await read(THREE, glb);
+  signal.throwIfAborted();
   let renderer;
   try {
     renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true });
@@ -13,11 +16,6 @@ export async function openStage(THREE, box, glb, signal) {
   }
   // Photographs as they are: colours in sRGB, and no lamps on top of the light that they were taken in.
   renderer.outputEncoding = THREE.sRGBEncoding;
-  const model = await read(THREE, glb).catch((error) => {
-    renderer.dispose();
-    throw error;
-  });
-  signal.throwIfAborted();
   const canvas = renderer.domElement;
   canvas.tabIndex = 0;
   canvas.setAttribute("role", "img");
@@ -55,6 +53,7 @@ export async function openStage(THREE, box, glb, signal) {
     controls.handleResize();
     redraw();
   };
+  canvas.addEventListener("webglcontextrestored", redraw); // a phone takes it from a page in the background
   canvas.addEventListener("keydown", (event) => {
     if (turn(THREE, camera, controls.target, event.key)) redraw();
     else if (event.key === "Home") home();

@@ -80,6 +80,7 @@ export function painter(outline, gone, signal) {
       if (error) say(told, "");
       if (bitmap) {
         const found = maskPicture(bitmap, canvas.width, canvas.height);
+        bitmap.close();
         state.shade = found.shade;
         say(told, `The outline holds ${(100 * found.share).toFixed(found.share < 0.1 ? 1 : 0)} % of the picture.`);
       }

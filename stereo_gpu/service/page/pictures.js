@@ -13,7 +13,11 @@ export function picture(path, alt, signal, { lazy = false } = {}) {
   (async () => {
     try {
       if (lazy) await near(image, signal);
-      show(image, await getBlob(path, signal), signal);
+      const blob = await getBlob(path, signal);
+      signal.throwIfAborted();
+      const address = URL.createObjectURL(blob);
+      signal.addEventListener("abort", () => URL.revokeObjectURL(address), { once: true });
+      image.src = address;
     } catch (error) {
       if (signal.aborted) return;
       image.classList.add("failed");
@@ -43,12 +47,4 @@ function near(image, signal) {
       { once: true },
     );
   });
-}
-
-/** Show a blob in an image for as long as `signal` is not aborted. */
-export function show(image, blob, signal) {
-  const address = URL.createObjectURL(blob);
-  if (image.src.startsWith("blob:")) URL.revokeObjectURL(image.src);
-  image.src = address;
-  signal?.addEventListener("abort", () => URL.revokeObjectURL(address), { once: true });
 }

@@ -42,13 +42,6 @@ export class Strokes {
     this.changed();
   }
 
-  /** Forget everything: there is another picture. */
-  reset() {
-    this.#past = [];
-    this.#now = NOTHING;
-    this.changed();
-  }
-
   #step(next) {
     this.#past.push(this.#now);
     this.#now = next;
