@@ -174,9 +174,10 @@ function words(job) {
     return `${job.stage ? stageWords(job.stage) : "Starting"} …${again}`;
   }
   const when = momentWords(job.ended ?? job.created);
+  const at = job.stage ? ` at “${stageWords(job.stage)}”` : "";
   const taken = job.seconds?.total === undefined ? "" : ` in ${secondsWords(job.seconds.total)}`;
   return (
-    { done: `Done${taken}, ${when}.`, failed: `Failed ${when}.`, cancelled: `Cancelled ${when}.` }[job.state] ??
+    { done: `Done${taken}, ${when}.`, failed: `Failed${at}, ${when}.`, cancelled: `Cancelled ${when}.` }[job.state] ??
     job.state
   );
 }

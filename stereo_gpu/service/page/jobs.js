@@ -47,7 +47,7 @@ export function show(main, { query, signal }) {
 
   function update({ items, next }) {
     say(failed, "");
-    say(told, items.length ? "" : String(query) ? "No jobs here." : "No jobs yet.");
+    say(told, items.length ? "" : String(query) ? "No jobs here." : "No jobs yet: begin with New model.");
     for (const [id, card] of cards) {
       if (items.some((job) => job.id === id)) continue;
       card.leave();

@@ -54,8 +54,8 @@ export function optionFields(referenceChanged) {
   const ignore = make("input", { type: "checkbox" });
   const method = choice(
     [
-      ["bounded", "few triangles within the error"],
-      ["dense", "two triangles a pixel"],
+      ["bounded", "few triangles"],
+      ["dense", "two a pixel"],
     ],
     "bounded",
   );

@@ -97,7 +97,7 @@ export function rigPicker(changed) {
   const element = make(
     "div",
     {},
-    field("Rig", list, "How the two cameras stand, from a calibration."),
+    field("Rig", list, "How the two cameras stand to each other, from a calibration: depth is measured by it."),
     field(
       "Or send the file of one",
       file,

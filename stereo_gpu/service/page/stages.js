@@ -24,9 +24,10 @@ export function stageList() {
       const taken = job.seconds?.[name];
       const running = job.state === "running" && index === at;
       item.dataset.at = "later";
-      if (taken !== undefined || job.state === "done") item.dataset.at = "done";
+      const failed = job.state === "failed" && at >= 0;
+      if (taken !== undefined || job.state === "done" || (failed && index < at)) item.dataset.at = "done";
       if (running) item.dataset.at = "now";
-      if (job.state === "failed" && index === at) item.dataset.at = "bad";
+      if (failed && index === at) item.dataset.at = "bad";
       if (running) item.setAttribute("aria-current", "step");
       else item.removeAttribute("aria-current");
       seconds.textContent = taken === undefined ? "" : secondsWords(taken);
