@@ -97,7 +97,7 @@ def served(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def browser(served):
-    """A headless Chromium."""
+    """A headless Chromium; of a module, since no test can run an event loop while Playwright has one in its thread."""
     from browsing import chromium
 
     with chromium() as one:
