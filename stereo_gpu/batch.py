@@ -23,7 +23,7 @@ from stereo_gpu.batching.pair_list import FAILED_NAME, ListedPair
 from stereo_gpu.config import MeshOptions
 from stereo_gpu.engines.choose import open_executor
 from stereo_gpu.engines.executor import Answer, Executor, Limits, Work
-from stereo_gpu.engines.in_order import run_in_order
+from stereo_gpu.engines.in_order import WAITING_EACH, run_in_order
 from stereo_gpu.errors import InputError, StereoError
 from stereo_gpu.files import check_writable, write_whole
 from stereo_gpu.inputs import hash_file
@@ -37,7 +37,6 @@ from stereo_gpu.rig import Rig
 
 RESULT_NAME = "result.json"
 FILES = ("model", "all")
-MOST_UNDER_WAY = 256  # pairs that may have been under way when a run is stopped
 TRIES = {"ray": 3}  # of a pair whose worker is lost, by engine; here a pair that takes its process with it has failed
 _STAGING = re.compile(r"\..*[0-9a-f]{12}\.part")
 
@@ -165,7 +164,7 @@ def _run(
                     else:
                         yield Done(pair=pair, seconds=answer.seconds, **answer.result)
         finally:
-            for folder in (out, *(out / pair.name for pair in islice(waiting, MOST_UNDER_WAY))):
+            for folder in (out, *(out / pair.name for pair in islice(waiting, WAITING_EACH * executor.slots))):
                 _clear(folder)
             listed = out / FAILED_NAME
             if failed:

@@ -14,8 +14,6 @@ def open_executor(
     *,
     workers: int | None = None,
     address: str | None = None,
-    num_cpus: float = 1.0,
-    num_gpus: float | None = None,
 ) -> Executor:
     """Open an executor; it starts nothing until it is asked to, or gets its first job.
 
@@ -24,7 +22,6 @@ def open_executor(
         work: what it does with every job.
         workers: how many; None for one a core. "inline" has one.
         address: of a Ray cluster; None has one started here, which ends with the executor.
-        num_cpus, num_gpus: what each worker takes of its node; with Ray alone, see `ray_cluster.RayExecutor`.
 
     Raises:
         InputError: there is no such engine, it cannot have so many workers or has no address, or Ray is not installed.
@@ -34,7 +31,7 @@ def open_executor(
     if name == "ray":
         from stereo_gpu.engines.ray_cluster import RayExecutor
 
-        return RayExecutor(work, workers=workers, address=address, num_cpus=num_cpus, num_gpus=num_gpus)
+        return RayExecutor(work, workers=workers, address=address)
     if address is not None:
         raise InputError(
             f"address {address!r:.60} is of a Ray cluster, engine {name} works here: give engine ray, or none"
