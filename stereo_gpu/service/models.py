@@ -60,7 +60,7 @@ class JobView(View):
     ended: Time | None
     stage: str | None = Field(description="that has begun last")
     stages: list[str] = Field(description="of this kind of job, in order")
-    fraction: float = Field(ge=0, le=1, description="of the stages that have begun")
+    fraction: float = Field(ge=0, le=1, description="of the stages that have ended")
     tries: int = Field(ge=0)
     place: int | None = Field(description="how many wait before it, of a queued job")
     seconds: dict[str, float] = Field(description="of each stage")

@@ -89,6 +89,8 @@ async def _of_framework(request: Request, error: Exception) -> JSONResponse:
     path = request.url.path[:SHOWN]
     if error.status_code == 404:
         detail = f"{path!r}: there is nothing of this name; /openapi.json lists what there is"
+    if error.status_code == 400:  # of a body that cannot even be parsed; it does not say why
+        detail = "the body is no JSON that can be read: send a plain object, without numbers of thousands of digits"
     if error.status_code == 405:
         headers["Allow"] = ", ".join(_allowed(request))
         detail = f"{request.method[:SHOWN]!r} is not for {path!r}: ask with {headers['Allow']}"
@@ -109,7 +111,8 @@ async def _invalid(request: Request, error: Exception) -> JSONResponse:
     kind = request.headers.get("content-type", "")
     if place == "body" and len(first["loc"]) == 1 and not _is_json(kind):
         return answer_problem(415, f"the body is of type {kind[:SHOWN] or 'none'!r}: send application/json")
-    name = ".".join(str(part) for part in first["loc"][1:]) or "the body"
+    # A name may be the client's own: a line break, or anything.
+    name = " ".join(".".join(str(part) for part in first["loc"][1:]).split()) or "the body"
     if first["type"] == "missing":
         return answer_problem(422, f"{name[:SHOWN]} is missing: give it; /openapi.json says how")
     return answer_problem(422, f"{name[:SHOWN]} = {_shown(first.get('input'))}: {_line(first['msg'])}")

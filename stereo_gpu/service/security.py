@@ -127,11 +127,6 @@ def _path(scope: Scope) -> str:
     return raw.decode("ascii", "backslashreplace")
 
 
-def _shown_path(scope: Scope) -> str:
-    """As it was asked for: decoded it may hold a line break, and so a line of the log that nobody wrote."""
-    return str(scope.get("raw_path", b"").decode("latin-1")) or "?"
-
-
 def _name(host: str) -> str:
     """Without the port, in small letters; IPv6 without brackets."""
     if host.startswith("["):

@@ -19,7 +19,7 @@ CHUNK = 1 << 18
 # What a browser has it may show again, once it has asked whether it is still the same.
 CACHE = "private, no-cache"
 
-_RANGE = re.compile(r"bytes=(\d{0,18})-(\d{0,18})", re.ASCII)
+_RANGE = re.compile(r"bytes=(\d{0,18})-(\d{0,18})", re.ASCII | re.IGNORECASE)
 
 
 class FileAnswer(Response):
@@ -63,7 +63,8 @@ class FileAnswer(Response):
             await self._head(send, 0)
             return
         part = None
-        if "range" in asked and asked.get("if-range", self._etag) == self._etag:
+        # Only a GET has parts (RFC 9110, 14.2): HEAD tells of the whole.
+        if scope["method"] == "GET" and "range" in asked and asked.get("if-range", self._etag) == self._etag:
             part = find_range(asked["range"], self._size)
         if part is not None and part[0] >= part[1]:
             said = f"range {asked['range']!r:.60} lies outside of {self._size} bytes: ask for a part of them"
