@@ -98,7 +98,7 @@ def test_files_come_whole_in_parts_and_not_at_all_where_they_are_known(client, d
     size = len(content)
     for asked, begin, end in (
         ("bytes=0-0", 0, 1),
-        ("bytes=100-299", 100, 300),
+        ("Bytes=100-299", 100, 300),
         (f"bytes={size - 5}-", size - 5, size),
         ("bytes=-7", size - 7, size),
         (f"bytes=10-{size * 9}", 10, size),
@@ -122,6 +122,8 @@ def test_files_come_whole_in_parts_and_not_at_all_where_they_are_known(client, d
     assert client.get(href, headers={**resumed, "If-Range": '"other"'}).content == content
     head = client.head(href)
     assert head.status_code == 200 and not head.content and head.headers["content-length"] == str(size)
+    head = client.head(href, headers={"Range": "bytes=0-9"})
+    assert head.status_code == 200 and head.headers["content-length"] == str(size), "only GET has parts"
     for name in ("nothing.glb", "manifest.json", "..%2finputs%2fleft.png", "%2e%2e", "model.glb%00"):
         check_problem(client.get(f"/v1/jobs/{done['id']}/files/{name}"), 404)
 
@@ -390,6 +392,9 @@ def test_a_body_that_is_no_json_or_too_large(client, served):
     check_problem(client.post(mask, content=b"{}", headers={"Content-Type": "text/plain"}), 415, "text/plain")
     check_problem(client.post(mask, json={"wanted": 3}), 422, "wanted = 3")
     check_problem(client.post(mask, json={"wanted": [], "colour": 1}), 422, "colour")
+    check_problem(client.post(mask, json={"two\nlines": 1}), 422, "two lines = 1")
+    many = b'{"rectangle": [' + b"9" * 5000 + b", 1, 1, 1]}"
+    check_problem(client.post(mask, content=many, headers={"Content-Type": "application/json"}), 400, "digits")
     check_problem(client.post(mask, json={}), 404)
     nested = b'{"wanted": ' + b"[" * 100_000
     assert client.post(mask, content=nested, headers={"Content-Type": "application/json"}).status_code in (400, 422)
@@ -429,6 +434,35 @@ def test_a_body_that_comes_slowly_is_given_up(served):
 
     asyncio.run(ask())
     assert said[0]["status"] == 408 and b"over 0.2 s" in said[1]["body"]
+
+
+def test_an_open_stream_outlives_a_body_that_never_comes(served):
+    import asyncio
+
+    from stereo_gpu.service.bodies import LARGEST, SmallBodies
+
+    heard = []
+    sent = asyncio.Queue()
+
+    async def streaming(scope, receive, send):
+        first = asyncio.create_task(receive())
+        await asyncio.sleep(0)
+        await send({"type": "http.response.start", "status": 200, "headers": []})
+        heard.append(await first)
+        heard.append(await receive())
+
+    async def nothing(message):
+        pass
+
+    async def ask():
+        body = {"type": "http.request", "body": b" " * (LARGEST + 1), "more_body": True}
+        asyncio.get_running_loop().call_later(0.3, sent.put_nowait, body)
+        asyncio.get_running_loop().call_later(0.3, sent.put_nowait, {"type": "http.disconnect"})
+        scope = {"type": "http", "method": "GET", "path": f"/v1/jobs/{ABSENT}/events", "headers": []}
+        await SmallBodies(streaming, seconds=0.1, uploads=())(scope, sent.get, nothing)
+
+    asyncio.run(ask())
+    assert [message["type"] for message in heard] == ["http.request", "http.disconnect"]
 
 
 def test_every_answer_has_the_headers_that_keep_a_browser_safe(client, served, done):

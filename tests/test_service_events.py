@@ -55,6 +55,28 @@ async def until(condition):
         await asyncio.sleep(0.001)
 
 
+def test_no_client_has_all_the_streams(events, monkeypatch):
+    monkeypatch.setattr(events, "MOST_EACH", 2)
+
+    async def scenario():
+        from stereo_gpu.service.problems import Problem
+
+        streams, table, heard = events.Streams(), Table(), []
+        tasks = [
+            asyncio.create_task(take(streams.follow(table.live, JOB, table.look, 0, "greedy"), heard)) for _ in range(2)
+        ]
+        await until(lambda: len(heard) == 2)
+        with pytest.raises(Problem, match="2 streams of yours are open") as refused:
+            streams.check_room("greedy")
+        assert refused.value.status == 429 and refused.value.headers["Retry-After"]
+        streams.check_room("other")
+        streams.stop()
+        await asyncio.gather(*tasks)
+        streams.check_room("greedy")
+
+    run(scenario())
+
+
 def test_each_change_is_told_once_and_the_end_ends_it(events):
     async def scenario():
         from stereo_gpu.service.records import Kind

@@ -10,11 +10,13 @@ from anyio.to_thread import run_sync
 
 from stereo_gpu.service.live import Live
 from stereo_gpu.service.models import JobView
+from stereo_gpu.service.problems import Problem
 from stereo_gpu.service.records import State
 
 MEDIA_TYPE = "text/event-stream"
 COMMENT_S = 10.0  # so that a proxy keeps the connection, and both ends see when it is gone
 PLACE_S = 1.0  # between two events of a job that only moved up in the queue, which all of its streams hear of
+MOST_EACH = 128  # streams of one client: all connections together are some hundred, and others need some
 LEAST_S = 0.1  # between two events: stages of a small job are shorter than an eye or a connection can follow
 
 
@@ -31,9 +33,19 @@ class Streams:
         for bell in tuple(self._bells):
             bell.ring()
 
+    def check_room(self, client: str) -> None:
+        """Refuse a client that has as many streams open as one may have.
+
+        Raises:
+            Problem: with 429.
+        """
+        if sum(bell.client == client for bell in self._bells) >= MOST_EACH:
+            said = f"{MOST_EACH} streams of yours are open, which is the limit: close some, or ask for the list of jobs"
+            raise Problem(429, said, {"Retry-After": "5"})
+
     @contextlib.contextmanager
-    def _open(self, live: Live, job: str) -> Iterator[_Bell]:
-        bell = _Bell()
+    def _open(self, live: Live, job: str, client: str) -> Iterator[_Bell]:
+        bell = _Bell(client)
         self._bells.add(bell)
         live.subscribe(job, bell.ring)
         try:
@@ -43,7 +55,7 @@ class Streams:
             self._bells.discard(bell)
 
     async def follow(
-        self, live: Live, job: str, look: Callable[[], JobView | None], first: int
+        self, live: Live, job: str, look: Callable[[], JobView | None], first: int, client: str = ""
     ) -> AsyncIterator[bytes]:
         """The events of a job: one at once, one whenever it has changed, a comment where nothing has.
 
@@ -52,9 +64,10 @@ class Streams:
             job: its id.
             look: how it is, from the table and `live`; None where it was deleted. Called in a thread.
             first: number of the first event.
+            client: whose stream it is, for `check_room`.
         """
         said, number = "", first
-        with self._open(live, job) as bell:
+        with self._open(live, job, client) as bell:
             while True:
                 view = await run_sync(look)
                 if view is None:
@@ -76,7 +89,8 @@ class Streams:
 class _Bell:
     """Wakes one stream from any thread."""
 
-    def __init__(self) -> None:
+    def __init__(self, client: str) -> None:
+        self.client = client
         self._loop = asyncio.get_running_loop()
         self._rung = asyncio.Event()
 

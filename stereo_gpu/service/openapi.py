@@ -28,7 +28,7 @@ SAID = {
     415: "not the type of body that is wanted",
     416: "the range lies outside of the file",
     422: "well formed, and wrong",
-    429: "too many jobs wait",
+    429: "too many jobs wait, or streams are open",
     500: "a fault of the service",
     503: "the service is stopping, or busy",
     507: "the disk is full",

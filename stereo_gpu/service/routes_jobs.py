@@ -59,8 +59,7 @@ async def post_job(request: Request, client: Client, service: ServiceHere, idemp
     """Take a pair: the answer comes once it is safe on the disk."""
     _refuse_while_stopping(service)
     received = await receive_form(request, service.folders, service.settings, PAIR_FORM)
-    job, new = await run_sync(accept_pair, service, client, received, idempotency_key)
-    return await run_sync(_taken, service, job, new)
+    return await run_sync(lambda: _taken(service, *accept_pair(service, client, received, idempotency_key)))
 
 
 @router.post(
@@ -85,8 +84,7 @@ async def post_calibration(
     """Take pictures of a board; the job's `rig` is set once it is done."""
     _refuse_while_stopping(service)
     received = await receive_form(request, service.folders, service.settings, BOARDS_FORM)
-    job, new = await run_sync(accept_boards, service, client, received, idempotency_key)
-    return await run_sync(_taken, service, job, new)
+    return await run_sync(lambda: _taken(service, *accept_boards(service, client, received, idempotency_key)))
 
 
 @router.get("/jobs", response_model=JobPage, responses=wrong(401, 422))
@@ -118,7 +116,7 @@ def get_job(id: IdHere, client: Client, service: ServiceHere) -> Response:
     response_class=StreamingResponse,
     responses={
         200: events("`event: job`, whose data is the job as JSON, until it has ended"),
-        **wrong(401, 404),
+        **wrong(401, 404, 429),
     },
 )
 async def get_events(
@@ -140,9 +138,12 @@ async def get_events(
     last = last_event_id or ""
     first = int(last) + 1 if last.isascii() and last.isdigit() and len(last) < 16 else 0
     streams: Streams = request.app.state.streams
+    streams.check_room(client)
     # A proxy that gathers answers would hand the events over when the job has ended.
     headers = {"X-Accel-Buffering": "no"}
-    return StreamingResponse(streams.follow(service.live, id, look, first), media_type=MEDIA_TYPE, headers=headers)
+    return StreamingResponse(
+        streams.follow(service.live, id, look, first, client), media_type=MEDIA_TYPE, headers=headers
+    )
 
 
 @router.post("/jobs/{id}/cancel", response_model=JobView, responses=wrong(401, 404, 409))

@@ -86,8 +86,8 @@ async def receive_form(request: Request, folders: Folders, settings: Settings, w
     folder = folders.new_upload()
     writer = FormWriter(boundary, folder, wanted, file_bytes=settings.file_mb * MEGABYTE, spare_bytes=spare)
     try:
-        await _receive(request, settings, writer)
-        files = await asyncio.to_thread(_take_in, writer, wanted, settings)
+        rest = await _receive(request, settings, writer)
+        files = await asyncio.to_thread(_take_in, writer, rest, wanted, settings)
     except BaseException:
         # Not in a thread: this may be a cancellation, which nothing that is awaited would outlive.
         writer.give_up()
@@ -105,7 +105,8 @@ def _boundary(request: Request) -> bytes:
     return boundary
 
 
-async def _receive(request: Request, settings: Settings, writer: FormWriter) -> None:
+async def _receive(request: Request, settings: Settings, writer: FormWriter) -> bytes:
+    """Feed the writer; gives the last bytes, which are still to be fed."""
     held = bytearray()
     async with aclosing(stream_body(request, settings, settings.request_mb * MEGABYTE)) as stream:
         async for part in stream:
@@ -113,11 +114,12 @@ async def _receive(request: Request, settings: Settings, writer: FormWriter) -> 
             if len(held) >= AT_ONCE:
                 await asyncio.to_thread(writer.feed, bytes(held))
                 held.clear()
-    await asyncio.to_thread(writer.feed, bytes(held))
+    return bytes(held)
 
 
-def _take_in(writer: FormWriter, wanted: FormSpec, settings: Settings) -> dict[str, list[InputFile]]:
-    """Check that all is there, look at the pictures, and give the files their names."""
+def _take_in(writer: FormWriter, rest: bytes, wanted: FormSpec, settings: Settings) -> dict[str, list[InputFile]]:
+    """Feed what is left, check that all is there, look at the pictures, and give the files their names."""
+    writer.feed(rest)
     if not writer.complete:
         raise Problem(400, "the form is cut off: send it again")
     for name in wanted.required:
