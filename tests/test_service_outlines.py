@@ -1,6 +1,8 @@
 """Views to paint on over HTTP: made, painted, refused, forgotten, and kept from others."""
 
+import errno
 import io
+import shutil
 import threading
 import time
 
@@ -13,6 +15,8 @@ from stereo_gpu.images import read_image
 from stereo_gpu.mask import Stroke, mask_from_strokes
 from stereo_gpu.rectify import rectify
 from stereo_gpu.rig import Rig
+from stereo_gpu.service.outline_work import do_task
+from stereo_gpu.service.refusals import DiskFull
 
 try:
     from serving import add_rig, pair_of, serving
@@ -115,6 +119,14 @@ def test_pairs_that_are_none(served, client, raw_folder, rig):
     assert not list(served.service.folders.uploads.iterdir())
 
 
+def test_a_rig_whose_file_is_lost(served, client, raw_folder):
+    rig = add_rig(client, raw_folder)
+    served.service.folders.rig(rig).unlink()
+    answer = client.post("/v1/outlines", files=pair_of(raw_folder), data={"rig": rig})
+    assert answer.status_code == 422 and "rig.json" in answer.json()["detail"]
+    assert "/" not in answer.json()["detail"], "where the service keeps its files is none of the client's business"
+
+
 def test_nothing_of_another_client(served, raw_folder, rig, outline):
     with served.client(served.token_of("bob")) as bob:
         assert bob.get(outline["picture"]).status_code == 404
@@ -141,6 +153,18 @@ def test_no_more_wait_than_can_be_served(served, client, outline, monkeypatch):
     assert (200, None) in statuses and set(statuses) <= {(200, None), (503, "2")}
     assert (503, "2") in statuses
     assert client.post(f"/v1/outlines/{outline['id']}/mask", json={"wanted": [BRUSH]}).status_code == 200
+
+
+def test_a_full_disk_is_told_as_such(raw_folder, tmp_path, monkeypatch):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    for name in ("left.png", "right.png"):
+        shutil.copy(raw_folder / name, tmp_path)
+    monkeypatch.setattr("pathlib.Path.write_bytes", full)
+    given = ("left.png", "right.png", raw_folder / "rig.json", "right")
+    with pytest.raises(DiskFull, match="the disk is full"):  # 507 without the folder's name, where a route raises it
+        do_task("view", tmp_path, given, backend=None)
 
 
 def test_an_hour_later_it_is_gone(served, client, raw_folder, rig, monkeypatch):

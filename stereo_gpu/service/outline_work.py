@@ -17,6 +17,7 @@ from stereo_gpu.match_options import parse_view
 from stereo_gpu.rectify import rectify
 from stereo_gpu.rig import Rig
 from stereo_gpu.scene import build_scene
+from stereo_gpu.service.folders import written
 from stereo_gpu.types import Picture, View
 
 VIEW, PICTURE = "view.png", "picture.jpg"  # the view as it is, and what is shown of it
@@ -45,12 +46,17 @@ def do_task(what: str, folder: Path, given: tuple[object, ...], *, backend: str 
     """One task of the desk; `what` is "view" or "mask", `given` the rest of its arguments.
 
     Raises:
+        DiskFull, StoreError: the folder cannot be written, or a file of it is gone.
         StereoError: one line, in which nothing tells where the service keeps its files.
     """
     try:
-        return draw_view(folder, *given, backend=backend) if what == "view" else draw_mask(folder, *given)  # type: ignore[arg-type]
+        with written(folder):
+            return draw_view(folder, *given, backend=backend) if what == "view" else draw_mask(folder, *given)  # type: ignore[arg-type]
     except StereoError as error:
-        raise type(error)(str(error).replace(f"{folder}/", "")) from error
+        line = str(error)
+        for place in (folder, *(part.parent for part in given if isinstance(part, Path))):  # the rig's, too
+            line = line.replace(f"{place}/", "")
+        raise type(error)(line) from error
 
 
 def draw_view(
