@@ -32,7 +32,7 @@ class Folders(Paths):
             DiskFull, StoreError: it cannot be made.
         """
         path = self.uploads / f"{secrets.token_hex(16)}.part"
-        with _written(path):
+        with written(path):
             path.mkdir(mode=0o700)
         return path
 
@@ -43,7 +43,7 @@ class Folders(Paths):
             DiskFull, StoreError: they cannot be moved, or the job has inputs already.
         """
         job = self.job(id)
-        with _written(job):
+        with written(job):
             for file in upload.iterdir():
                 flush_file(file)
             flush_folder(upload)
@@ -67,7 +67,7 @@ class Folders(Paths):
             DiskFull, StoreError: it cannot be written.
         """
         path = self.rig(id)
-        with _written(path):
+        with written(path):
             path.parent.mkdir(mode=0o700, exist_ok=True)
             write(path)
             flush_folder(path.parent)
@@ -83,7 +83,7 @@ class Folders(Paths):
         """
         attempt, result = self.attempt(id, number), self.result(id)
         manifest = read_manifest(result)
-        with _written(result):
+        with written(result):
             if manifest is None:
                 manifest = read_manifest(attempt)
                 if manifest is None:
@@ -168,7 +168,7 @@ class Folders(Paths):
             DiskFull, StoreError: it cannot be written.
         """
         part = self.uploads / f"{secrets.token_hex(16)}.part"
-        with _written(self.token_file):
+        with written(self.token_file):
             held = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
             try:
                 os.write(held, f"{token}\n".encode())
@@ -180,7 +180,7 @@ class Folders(Paths):
         return self.token_file
 
     def _remove(self, folder: Path) -> None:
-        with _written(folder):
+        with written(folder):
             if folder.exists():
                 self._vanish(folder)
 
@@ -208,7 +208,7 @@ def _parts(folder: Path) -> list[Path]:
 
 
 @contextmanager
-def _written(path: Path) -> Iterator[None]:
+def written(path: Path) -> Iterator[None]:
     """Turn the system's errors into lines that name the path and the way out."""
     try:
         yield
