@@ -110,9 +110,9 @@ class Folders(Paths):
 
     def clear(self, id: str) -> None:
         """Remove what tries of a job have left, when none is under way."""
-        for part in _parts(self.job(id)):
-            if TRY.fullmatch(part.name):
-                shutil.rmtree(part, ignore_errors=True)
+        for name in _names(self.job(id)):
+            if TRY.fullmatch(name):
+                shutil.rmtree(self.job(id) / name, ignore_errors=True)
 
     def remove_job(self, id: str) -> None:
         """Remove a job's folder, if there is one; it is gone at once, or not at all.
@@ -141,14 +141,15 @@ class Folders(Paths):
         Returns:
             How many folders went. What bears no name of ours is never touched.
         """
-        unwanted = [part for part in _parts(self.uploads) if UPLOAD.fullmatch(part.name)]
-        unwanted += [part for part in _parts(self.outlines) if ID.fullmatch(part.name)]
-        for part in (*_parts(self.jobs), *_parts(self.rigs)):
-            if ID.fullmatch(part.name) and part.name not in known:
-                unwanted.append(part)
-        for id in set(known) - set(busy):
-            # There may be a hundred thousand of them: no path is made where there is nothing to remove.
-            unwanted += [self.job(id) / name for name in _names(self.job(id)) if TRY.fullmatch(name)]
+        known = set(known)
+        unwanted = [self.uploads / name for name in _names(self.uploads) if UPLOAD.fullmatch(name)]
+        unwanted += [self.outlines / name for name in _names(self.outlines) if ID.fullmatch(name)]
+        for folder in (self.jobs, self.rigs):
+            unwanted += [folder / name for name in _names(folder) if ID.fullmatch(name) and name not in known]
+        # There may be a hundred thousand of them: no path is made where there is nothing to remove.
+        jobs = str(self.jobs)
+        for id in known.difference(busy):
+            unwanted += [self.job(id) / name for name in _names(f"{jobs}/{id}") if TRY.fullmatch(name)]
         gone = 0
         for part in unwanted:
             with suppress(OSError, StoreError):  # it may have gone by itself; what stays is swept the next time
@@ -195,16 +196,12 @@ class Folders(Paths):
             away.unlink(missing_ok=True)
 
 
-def _names(folder: Path) -> list[str]:
+def _names(folder: str | os.PathLike[str]) -> list[str]:
     try:
         with os.scandir(folder) as parts:
             return [part.name for part in parts]
     except OSError:
         return []
-
-
-def _parts(folder: Path) -> list[Path]:
-    return [folder / name for name in _names(folder)]
 
 
 @contextmanager
