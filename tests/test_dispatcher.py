@@ -297,7 +297,7 @@ def test_a_job_waits_until_a_worker_has_it(tmp_path):
         assert {(one.job(id).state, one.job(id).tries, one.job(id).started) for id in ahead} == {
             (State.QUEUED, 0, None)
         }
-        assert [one.store.place(one.job(id)) for id in ahead] == [0, 1]
+        assert one.store.places([one.job(id) for id in ahead]) == {ahead[0]: 0, ahead[1]: 1}
         one.store.ask_cancel("ann", ahead[0])
         one.dispatcher.cancel(ahead[0])
         assert one.job(ahead[0]).state is State.CANCELLED

@@ -64,7 +64,7 @@ def test_a_client_that_floods_delays_another_by_no_more_than_a_turn(store):
     put(store, "ann", 500)
     store.begin(store.lease("o", 4, 30))
     (late,) = put(store, "bob")
-    assert store.place(store.any_job(late)) == 0
+    assert store.places([store.any_job(late)]) == {late: 0}
     assert store.lease("o", 2, 30)[0].job.id == late
 
 

@@ -144,13 +144,12 @@ def test_a_place_counts_those_that_come_before(store):
     for _ in range(3):  # each time somebody else had the last turn
         jobs = [store.any_job(job) for job in put(store, "ann", 5) + put(store, "bob", 2)]
         places = store.places(jobs)
-        assert places == {job.id: store.place(job) for job in jobs}
         order = []
         while leases := store.lease("o", 1, 30):
             order.append(leases[0].job.id)
             finish(store, leases[0])
         assert places == {job: place for place, job in enumerate(order)}
-    assert store.place(store.any_job(order[0])) is None
+    assert store.places([store.any_job(order[0])]) == {}
 
 
 def test_a_place_counts_those_that_are_leased_and_have_not_begun(store):
@@ -160,7 +159,7 @@ def test_a_place_counts_those_that_are_leased_and_have_not_begun(store):
     places = store.places([store.any_job(job) for job in (*ids, own)])
     assert places == {ids[0]: 0, ids[1]: 1, own: 2, ids[2]: 3, ids[3]: 4}
     store.begin(leases[:1])
-    assert store.place(store.any_job(ids[0])) is None and store.place(store.any_job(ids[3])) == 3
+    assert store.places([store.any_job(job) for job in (ids[0], ids[3])]) == {ids[3]: 3}
 
 
 # -- cancel, restart, delete
@@ -368,7 +367,7 @@ def test_sixteen_threads_lose_and_double_nothing(tmp_path):
             kept, fresh = store.enqueue(new_job(client), key=str(key), fingerprint="f", **NO_LIMITS)
             if fresh:
                 new.append(kept.id)
-            store.place(kept)
+            store.places([kept])
             store.jobs(client, limit=3)
 
     def work(number):

@@ -55,10 +55,6 @@ class Jobs(Part):
             found = dict(tables.execute("SELECT state, count(*) FROM jobs GROUP BY state").fetchall())
         return {state: found.get(state.value, 0) for state in State}
 
-    def place(self, job: Job) -> int | None:
-        """How many jobs wait before this one; None where it does not wait."""
-        return self.places([job]).get(job.id)
-
     def places(self, jobs: Sequence[Job]) -> dict[str, int]:
         """How many jobs wait before each of those that wait, by their ids.
 
