@@ -306,7 +306,7 @@ def test_board_pictures_become_a_rig_to_use(visit, served, data):
     assert re.search(r"0\.\d{3} px", page.locator(".tiles").text_content())
     assert page.get_by_text("left01.jpg", exact=True).count() == 1
     page.get_by_role("link", name="Use this rig").click()
-    here.until("document.querySelector('select')?.value !== ''")
+    here.until("document.querySelector('select')?.value")
     assert (
         page.get_by_label("Rig", exact=True).locator("option:checked").text_content().startswith("bench · 640 × 480 px")
     )
