@@ -160,9 +160,12 @@ def _serve(settings: Settings, options: argparse.Namespace) -> None:
 
 
 def _tell(service: Service, settings: Settings, address: str) -> None:
-    """Say where the page is; the token stands behind a #, which browsers never send."""
+    """Say where the page is; the token stands behind a #, which browsers never send.
+
+    It is told on a terminal alone: what a unit or a container prints is kept in a log, which others may read.
+    """
     link = (settings.link or address).rstrip("/")
-    if service.new_token is not None:
+    if service.new_token is not None and sys.stdout.isatty():
         print(f"open  {link}/#token={service.new_token}")
         print(f"      this token is kept in {service.folders.token_file}; --new-token NAME makes one for somebody else")
     else:

@@ -13,7 +13,9 @@ from stereo_gpu.service.service import Service
 
 MOST_A_PAGE = 200
 
-_bearer = HTTPBearer(auto_error=False, scheme_name="token", description="What `stereo-gpu serve` printed at first.")
+_bearer = HTTPBearer(
+    auto_error=False, scheme_name="token", description="That of the file `token`, or what `--new-token` printed."
+)
 
 
 async def service_of(request: Request) -> Service:  # not worth a thread
