@@ -80,7 +80,7 @@ def need_service():
         import httpx  # noqa: F401
         import uvicorn  # noqa: F401
 
-        import stereo_gpu.service.app  # noqa: F401
+        import stereo_gpu.service.http.app  # noqa: F401
     except ModuleNotFoundError as error:
         missing("service", f"{error}; pip install 'stereo-gpu[service]' httpx")
 

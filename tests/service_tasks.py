@@ -6,8 +6,8 @@ import time
 
 from stereo_gpu.errors import BackendError, InputError, StageError
 from stereo_gpu.files import whole_folder, write_whole
-from stereo_gpu.service.folders import Folders
-from stereo_gpu.service.outcome import Outcome
+from stereo_gpu.service.data.folders import Folders
+from stereo_gpu.service.jobs.outcome import Outcome
 
 
 def refuse_to_begin(*, data):

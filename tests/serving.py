@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import httpx
 
-from stereo_gpu.service.app import create_app
+from stereo_gpu.service.http.app import create_app
 from stereo_gpu.service.server import Server, configure, listen
 from stereo_gpu.service.service import Service
 from stereo_gpu.service.settings import Settings

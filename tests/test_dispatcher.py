@@ -18,12 +18,12 @@ from stereo_gpu.engines.executor import Work  # noqa: E402
 from stereo_gpu.engines.inline import InlineExecutor  # noqa: E402
 from stereo_gpu.engines.local import LocalExecutor  # noqa: E402
 from stereo_gpu.errors import InputError  # noqa: E402
-from stereo_gpu.service import dispatcher  # noqa: E402
-from stereo_gpu.service.dispatcher import Dispatcher  # noqa: E402
-from stereo_gpu.service.folders import Folders  # noqa: E402
+from stereo_gpu.service.data.folders import Folders  # noqa: E402
+from stereo_gpu.service.dispatch import dispatcher  # noqa: E402
+from stereo_gpu.service.dispatch.dispatcher import Dispatcher  # noqa: E402
+from stereo_gpu.service.jobs.outcome import Outcome  # noqa: E402
 from stereo_gpu.service.live import Live  # noqa: E402
 from stereo_gpu.service.metrics import Metrics  # noqa: E402
-from stereo_gpu.service.outcome import Outcome  # noqa: E402
 from stereo_gpu.service.records import RigRecord, State  # noqa: E402
 from stereo_gpu.service.refusals import StoreError  # noqa: E402
 from stereo_gpu.service.settings import Settings  # noqa: E402

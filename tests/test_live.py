@@ -2,8 +2,8 @@
 
 import threading
 
+from stereo_gpu.service.jobs.order import stages_of
 from stereo_gpu.service.live import Live, Progress
-from stereo_gpu.service.order import stages_of
 from stereo_gpu.service.records import Kind
 
 JOB, OTHER = "1" * 32, "2" * 32

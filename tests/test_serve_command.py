@@ -155,7 +155,7 @@ def test_a_line_of_the_log_holds_what_is_known(capsys):
 
 
 def test_doctor_tells_what_is_wrong_with_a_folder(tmp_path, capsys):
-    from stereo_gpu.service.folders import Folders
+    from stereo_gpu.service.data.folders import Folders
     from stereo_gpu.service.store import Store
 
     data = tmp_path / "data"

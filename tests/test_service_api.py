@@ -415,7 +415,7 @@ def test_a_body_that_is_no_json_or_too_large(client, served):
 def test_a_body_that_comes_slowly_is_given_up(served):
     import asyncio
 
-    from stereo_gpu.service.bodies import SmallBodies
+    from stereo_gpu.service.http.bodies import SmallBodies
 
     said = []
 
@@ -439,7 +439,7 @@ def test_a_body_that_comes_slowly_is_given_up(served):
 def test_an_open_stream_outlives_a_body_that_never_comes(served):
     import asyncio
 
-    from stereo_gpu.service.bodies import LARGEST, SmallBodies
+    from stereo_gpu.service.http.bodies import LARGEST, SmallBodies
 
     heard = []
     sent = asyncio.Queue()

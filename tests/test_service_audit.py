@@ -1,8 +1,8 @@
 import pytest
 from stores import open_store, put, rig_of
 
-from stereo_gpu.service.audit import audit
-from stereo_gpu.service.folders import Folders
+from stereo_gpu.service.data.audit import audit
+from stereo_gpu.service.data.folders import Folders
 from stereo_gpu.service.records import State
 from stereo_gpu.service.store import Ending
 

@@ -13,7 +13,7 @@ JOB = "0" * 32
 @pytest.fixture
 def events(monkeypatch):
     need_service()
-    from stereo_gpu.service import events
+    from stereo_gpu.service.http import events
 
     monkeypatch.setattr(events, "LEAST_S", 0.0)
     return events

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from stereo_gpu.errors import InputError
-from stereo_gpu.service import folders as folders_module
-from stereo_gpu.service.folders import Folders
-from stereo_gpu.service.manifest import read_manifest, seal
+from stereo_gpu.service.data import folders as folders_module
+from stereo_gpu.service.data.folders import Folders
+from stereo_gpu.service.data.manifest import read_manifest, seal
 from stereo_gpu.service.refusals import DiskFull, NotFound, StoreError
 
 ID, OTHER = "0f" * 16, "1e" * 16
@@ -77,7 +77,7 @@ def test_one_service_a_folder_even_after_one_was_killed(tmp_path):
     root = tmp_path / "data"
     holder = f"""
 import sys, time
-from stereo_gpu.service.folders import Folders
+from stereo_gpu.service.data.folders import Folders
 with Folders({str(root)!r}).own():
     print("held", flush=True)
     time.sleep(60)
@@ -306,7 +306,7 @@ def test_the_sweep_takes_what_nobody_knows_and_is_old(folders):
 MOVER = """
 import itertools, sys
 from pathlib import Path
-from stereo_gpu.service.folders import Folders
+from stereo_gpu.service.data.folders import Folders
 
 folders = Folders(sys.argv[1])
 for number in itertools.count(int(sys.argv[2])):

@@ -10,8 +10,9 @@ from conftest import need_service
 need_service()
 
 from stereo_gpu.errors import BackendError, InputError  # noqa: E402
-from stereo_gpu.service import housekeeping, workers  # noqa: E402
-from stereo_gpu.service.folders import Folders  # noqa: E402
+from stereo_gpu.service.data import housekeeping  # noqa: E402
+from stereo_gpu.service.data.folders import Folders  # noqa: E402
+from stereo_gpu.service.dispatch import workers  # noqa: E402
 from stereo_gpu.service.records import Job, Kind, State  # noqa: E402
 from stereo_gpu.service.refusals import DiskFull  # noqa: E402
 from stereo_gpu.service.service import FIRST_CLIENT, Service  # noqa: E402

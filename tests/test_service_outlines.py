@@ -15,7 +15,7 @@ from stereo_gpu.images import read_image
 from stereo_gpu.mask import Stroke, mask_from_strokes
 from stereo_gpu.rectify import rectify
 from stereo_gpu.rig import Rig
-from stereo_gpu.service.outline_work import do_task
+from stereo_gpu.service.jobs.outline_work import do_task
 from stereo_gpu.service.refusals import DiskFull
 
 try:

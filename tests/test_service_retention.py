@@ -3,9 +3,9 @@ import os
 import pytest
 from stores import Clock, open_store, put
 
-from stereo_gpu.service.folders import Folders
+from stereo_gpu.service.data.folders import Folders
+from stereo_gpu.service.data.retention import DAY_S, GIGABYTE, sweep
 from stereo_gpu.service.records import State
-from stereo_gpu.service.retention import DAY_S, GIGABYTE, sweep
 from stereo_gpu.service.settings import Settings
 from stereo_gpu.service.store import Ending
 

@@ -11,8 +11,8 @@ from PIL import Image
 
 from stereo_gpu.errors import PictureError
 from stereo_gpu.images import read_image
+from stereo_gpu.service.intake.sniff import SUFFIXES, look
 from stereo_gpu.service.settings import Settings
-from stereo_gpu.service.sniff import SUFFIXES, look
 
 PICTURE = np.random.default_rng(7).integers(0, 256, (123, 457, 3), np.uint8)
 WRITTEN = {

@@ -21,7 +21,7 @@ def pictures(raw_folder):
 
 @pytest.fixture
 def folders(tmp_path):
-    from stereo_gpu.service.folders import Folders
+    from stereo_gpu.service.data.folders import Folders
 
     folders = Folders(tmp_path / "data")
     with folders.own():
@@ -46,8 +46,8 @@ def receive(folders, pieces, *, kind="multipart/form-data; boundary=edge", heade
     """What `receive_form` makes of pieces of a body; after the last comes the end, or a lost connection for None."""
     from fastapi import Request
 
-    from stereo_gpu.service.multipart import FileWanted, FormSpec
-    from stereo_gpu.service.uploads import receive_form
+    from stereo_gpu.service.intake.multipart import FileWanted, FormSpec
+    from stereo_gpu.service.intake.uploads import receive_form
 
     wanted = FormSpec(
         files={"left": FileWanted(), "right": FileWanted(), "more": FileWanted(least=0, most=3, picture=False)},
@@ -246,8 +246,8 @@ def _cancelled(folders, body, after):
     """Received until `after` pieces of it have come, then cancelled while the next is awaited."""
     from fastapi import Request
 
-    from stereo_gpu.service.multipart import FileWanted, FormSpec
-    from stereo_gpu.service.uploads import receive_form
+    from stereo_gpu.service.intake.multipart import FileWanted, FormSpec
+    from stereo_gpu.service.intake.uploads import receive_form
 
     scope = {
         "type": "http",

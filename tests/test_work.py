@@ -16,10 +16,10 @@ import stereo_gpu as sg  # noqa: E402
 from stereo_gpu.errors import BackendError, PictureError, WorkerError  # noqa: E402
 from stereo_gpu.images import write_png  # noqa: E402
 from stereo_gpu.scene_render import render_boards  # noqa: E402
-from stereo_gpu.service import work  # noqa: E402
-from stereo_gpu.service.endings import end_well, find_outcome  # noqa: E402
-from stereo_gpu.service.folders import Folders  # noqa: E402
-from stereo_gpu.service.order import STEPS, WorkOrder, stages_of  # noqa: E402
+from stereo_gpu.service.data.folders import Folders  # noqa: E402
+from stereo_gpu.service.dispatch.endings import end_well, find_outcome  # noqa: E402
+from stereo_gpu.service.jobs import work  # noqa: E402
+from stereo_gpu.service.jobs.order import STEPS, WorkOrder, stages_of  # noqa: E402
 from stereo_gpu.service.records import Job, Kind, Lease, State  # noqa: E402
 
 JOB, RIG = "a" * 32, "b" * 32
@@ -102,7 +102,9 @@ def test_no_picture_of_a_step_is_worth_a_model(folders, caplog):
 
 
 def test_a_fault_of_a_picture_loses_no_model(folders, caplog, monkeypatch):
-    monkeypatch.setattr("stereo_gpu.service.step_pictures.figures.colour_disparity", lambda values: values[0, 0, 0])
+    monkeypatch.setattr(
+        "stereo_gpu.service.jobs.step_pictures.figures.colour_disparity", lambda values: values[0, 0, 0]
+    )
     assert do(folders, order({**FAST, "steps": True}))["outcome"].summary["triangles"] > 100
     assert "no picture of disparity: too many indices" in caplog.text
     assert not folders.step(JOB, "disparity").exists() and folders.step(JOB, "textured").exists()

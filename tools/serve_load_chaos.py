@@ -19,8 +19,8 @@ from serve_load_server import Server
 from stereo_gpu.config import MeshOptions
 from stereo_gpu.pipeline import reconstruct
 from stereo_gpu.rig import Rig
-from stereo_gpu.service.audit import audit
-from stereo_gpu.service.folders import Folders
+from stereo_gpu.service.data.audit import audit
+from stereo_gpu.service.data.folders import Folders
 from stereo_gpu.service.store import Store
 
 NAMES = ("anna", "bert", "cleo", "dora")  # clients with tokens of their own, besides the owner

@@ -175,7 +175,7 @@ def _tell(service: Service, settings: Settings, address: str) -> None:
 
 def _change_clients(settings: Settings, new: str | None, gone: str | None) -> None:
     from stereo_gpu.errors import InputError
-    from stereo_gpu.service.folders import Folders
+    from stereo_gpu.service.data.folders import Folders
     from stereo_gpu.service.store import Store
 
     folders = Folders(settings.data)

@@ -96,8 +96,8 @@ def _token(path: Path) -> Finding:
 
 
 def _table(data: Path) -> Finding:
-    from stereo_gpu.service.audit import audit
-    from stereo_gpu.service.folders import Folders
+    from stereo_gpu.service.data.audit import audit
+    from stereo_gpu.service.data.folders import Folders
     from stereo_gpu.service.store import Store
 
     folders = Folders(data)

@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
-from stereo_gpu.service.order import STEP, stages_of
+from stereo_gpu.service.jobs.order import STEP, stages_of
 from stereo_gpu.service.records import Kind
 
 Listener = Callable[[], None]

@@ -23,12 +23,12 @@ from stereo_gpu.engines.choose import open_executor
 from stereo_gpu.engines.executor import Executor, Limits, Work
 from stereo_gpu.errors import WorkerError
 from stereo_gpu.files import write_whole
-from stereo_gpu.service.folders import Folders
-from stereo_gpu.service.outline_work import PICTURE, Rectangle, Strokes, do_task, prepare
+from stereo_gpu.service.data.folders import Folders
+from stereo_gpu.service.intake.uploads import Form
+from stereo_gpu.service.jobs.outline_work import PICTURE, Rectangle, Strokes, do_task, prepare
 from stereo_gpu.service.problems import Problem
 from stereo_gpu.service.refusals import NotFound
 from stereo_gpu.service.settings import MEGABYTE, Settings
-from stereo_gpu.service.uploads import Form
 
 KEPT_S = 3600.0
 MOST_WAITING = 8  # at the desk: behind more nobody would wait

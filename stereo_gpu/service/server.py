@@ -18,8 +18,8 @@ import uvicorn
 from fastapi import FastAPI
 
 from stereo_gpu.errors import InputError
-from stereo_gpu.service.app import create_app
 from stereo_gpu.service.connections import GuardedProtocol
+from stereo_gpu.service.http.app import create_app
 from stereo_gpu.service.service import Service
 from stereo_gpu.service.settings import Settings
 

@@ -8,15 +8,15 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 
 from stereo_gpu.engines.executor import Executor
-from stereo_gpu.service.dispatcher import Dispatcher
-from stereo_gpu.service.folders import Folders
-from stereo_gpu.service.housekeeping import Housekeeping
+from stereo_gpu.service.data.folders import Folders
+from stereo_gpu.service.data.housekeeping import Housekeeping
+from stereo_gpu.service.dispatch.dispatcher import Dispatcher
+from stereo_gpu.service.dispatch.workers import open_workers
 from stereo_gpu.service.live import Live
 from stereo_gpu.service.metrics import Metrics
 from stereo_gpu.service.outlines import Desk
 from stereo_gpu.service.settings import MEGABYTE, Settings
 from stereo_gpu.service.store import Store
-from stereo_gpu.service.workers import open_workers
 
 FIRST_CLIENT = "owner"
 

@@ -1,0 +1,1 @@
+"""The data folder: where everything lies, moved in one step, swept, audited."""
