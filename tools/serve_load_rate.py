@@ -24,7 +24,7 @@ MOST_OVERHEAD_S = 0.015  # a job, of the processor's time
 MOST_GROWTH_MB = 30.0  # of the server, and of its largest process, over the second half of the time
 ALONE = 40  # jobs sent one after another
 QUICK_S = 0.01  # how often is asked for one that is alone
-SLOW_S = 0.2  # and for all
+SLOW_S = 1.0  # and for all: a look at both lists costs the server 3 ms
 WATCH_S = 1.0  # how often memory is looked at
 TENTHS = 10  # so many of these are shown
 
