@@ -83,10 +83,8 @@ def _exactly(stream: IO[bytes], size: int) -> bytearray:
 
 def main() -> None:
     """Answer jobs until there are no more."""
-    # The other end stops us: a Ctrl-C that the terminal sends to all must not cut a job off in its middle. SIGTERM
-    # ends a job by way of every `finally`, so that no half of a file stays.
+    # The other end stops us: a Ctrl-C that the terminal sends to all must not cut a job off in its middle.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, _leave)
     if hasattr(signal, "setitimer"):
         signal.signal(signal.SIGALRM, _leave)
         sys.unraisablehook = _leave_again
@@ -114,6 +112,9 @@ def _serve(jobs: IO[bytes], answers: IO[bytes]) -> None:
 
         send(answers, in_one_line(error))
         return
+    # From now on SIGTERM ends a job by way of every `finally`, so that no half of a file stays. Until now there was
+    # none, and an exception amid an import may reach a library in C++ that cannot bear it, and says so on stderr.
+    signal.signal(signal.SIGTERM, _leave)
     send(answers, None)
     while True:
         _answer(answers, task, receive_parts(jobs), arguments, tells)

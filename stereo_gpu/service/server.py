@@ -30,6 +30,7 @@ MOST_CONNECTIONS = 512
 FILES_A_CONNECTION = 2  # the socket, and what is written or sent
 FILES_BESIDES = 128
 WAITING = 256  # connections that the system holds until they are taken
+LAST_TURNS = 5  # of the loop, in which connections that were closed or taken last are let go of
 CLOSING_S = 5  # for answers under way, once the jobs have had their grace
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
@@ -144,6 +145,10 @@ class Server(uvicorn.Server):
                 told.add(connection)
                 connection.shutdown()
         await closing
+        for _ in range(LAST_TURNS):
+            for connection in self.server_state.connections:
+                connection.transport.abort()  # its grace is over, or it came after all others were gone
+            await asyncio.sleep(0)
 
 
 class _Server(Server):
