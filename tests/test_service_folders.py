@@ -356,3 +356,13 @@ def test_whatever_is_killed_nobody_sees_half_of_anything(folders):
     folders.sweep(known, time.time() + 5)
     assert list(folders.uploads.iterdir()) == [] and {path.name for path in folders.jobs.iterdir()} == known
     assert all(sorted(part.name for part in folders.job(id).iterdir()) == ["inputs", "result"] for id in known)
+
+
+def test_what_a_killed_service_was_being_sent_goes_with_the_next(tmp_path):
+    folders = Folders(tmp_path / "data")
+    with folders.own():
+        upload = folders.new_upload()
+        (upload / "left.png").write_bytes(b"half")
+        (folders.uploads / "not ours").mkdir()
+    with folders.own():
+        assert [part.name for part in folders.uploads.iterdir()] == ["not ours"]

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from stereo_gpu.errors import InputError
-from stereo_gpu.service.data.paths import Paths
+from stereo_gpu.service.data.paths import UPLOAD, Paths
 
 
 @contextmanager
 def own(paths: Paths) -> Iterator[None]:
     """Make the folder if it is missing, and keep every other service out of it until the block ends.
+
+    What an earlier one that was killed was being sent goes: nobody sends it any more.
 
     Raises:
         InputError: another service has it, it holds files that are none of ours, or it cannot be written.
@@ -21,7 +24,10 @@ def own(paths: Paths) -> Iterator[None]:
     _make(paths)
     held = os.open(paths.lock, os.O_RDWR | os.O_CREAT, 0o600)
     try:
-        _lock(paths.root, held)
+        if _lock(paths.root, held):
+            for part in paths.uploads.iterdir():
+                if UPLOAD.fullmatch(part.name):
+                    shutil.rmtree(part, ignore_errors=True)
         with suppress(OSError):  # on a full disk: it is for people alone, and who looks after it may free some room
             os.ftruncate(held, 0)
             os.write(held, f"{os.getpid()}\n".encode())
@@ -44,9 +50,10 @@ def _make(paths: Paths) -> None:
         raise InputError(f"cannot write to {root}: {error.strerror or error}; name another folder") from error
 
 
-def _lock(root: Path, held: int) -> None:
+def _lock(root: Path, held: int) -> bool:
+    """Whether it is locked, which some systems cannot."""
     if os.name != "posix":
-        return
+        return False
     import fcntl
 
     try:
@@ -58,3 +65,4 @@ def _lock(root: Path, held: int) -> None:
         raise InputError(
             f"{root} cannot be locked ({error.strerror or error}): name a folder on a file system that knows locks"
         ) from error
+    return True
