@@ -108,15 +108,24 @@ def check_pair(left: Picture, right: Picture) -> None:
     """
     check_picture("left", left)
     check_picture("right", right)
-    if left.shape[:2] != right.shape[:2]:
-        raise PictureError(
-            f"left is {_wide_by_high(left)}, right is {_wide_by_high(right)}:"
-            " give two pictures of one size, as the cameras took them"
-        )
+    check_one_size(left.shape[1::-1], right.shape[1::-1])
     if left.ndim != right.ndim:
         raise PictureError(f"left is {_colour(left)}, right is {_colour(right)}: give both in grey or both in colour")
     if left.dtype != right.dtype:
         raise PictureError(f"left is {left.dtype}, right is {right.dtype}: give both with the same number of bits")
+
+
+def check_one_size(left: tuple[int, ...], right: tuple[int, ...]) -> None:
+    """Make sure that two pictures of these sizes, (width, height), can be the two views of a pair.
+
+    Raises:
+        PictureError: they differ.
+    """
+    if left != right:
+        raise PictureError(
+            f"left is {left[0]} x {left[1]} px, right is {right[0]} x {right[1]} px:"
+            " give two pictures of one size, as the cameras took them"
+        )
 
 
 def grey(picture: Picture) -> Bytes:
@@ -140,10 +149,6 @@ def _check_size(name: str, picture: Picture) -> None:
         raise PictureError(
             f"{name} is {width} x {height} px, the limit is {PIXEL_LIMIT // 10**6} megapixels: scale it down"
         )
-
-
-def _wide_by_high(picture: Picture) -> str:
-    return f"{picture.shape[1]} x {picture.shape[0]} px"
 
 
 def _colour(picture: Picture) -> str:

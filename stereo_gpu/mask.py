@@ -39,17 +39,25 @@ def mask_from_file(path: str | os.PathLike[str], size: tuple[int, int]) -> Bytes
         PictureError: it cannot be read, has another size, or is black.
     """
     picture = read_image(path)
-    height, width = picture.shape[:2]
-    if (width, height) != tuple(size):
-        raise PictureError(
-            f"mask {path} is {width} x {height} px, the rectified picture is {size[0]} x {size[1]}:"
-            " draw it on the rectified reference view"
-        )
+    check_mask_size(f"mask {path}", picture.shape[1::-1], size)
     flat = picture if picture.ndim == 2 else picture.max(axis=2)
     brightest = int(flat.max())
     if brightest == 0:
         raise PictureError(f"mask {path} is black, so that nothing is wanted: paint what you want white")
     return (flat > brightest / 2).astype(np.uint8)
+
+
+def check_mask_size(name: str, size: tuple[int, ...], wanted: tuple[int, ...]) -> None:
+    """Refuse a mask of a size, (width, height), other than that of the rectified view.
+
+    Raises:
+        PictureError: with both sizes; the message opens with `name`.
+    """
+    if tuple(size) != tuple(wanted):
+        raise PictureError(
+            f"{name} is {size[0]} x {size[1]} px, the rectified picture is {wanted[0]} x {wanted[1]}:"
+            " draw it on the rectified reference view"
+        )
 
 
 def mask_from_rectangle(picture: Picture, rectangle: tuple[int, int, int, int], iterations: int = 5) -> Bytes:

@@ -114,11 +114,19 @@ def check_sizes(left: Picture, rig: Rig) -> None:
     Raises:
         InputError: with both sizes.
     """
-    size = (left.shape[1], left.shape[0])
-    if size != tuple(rig.left.size) or size != tuple(rig.right.size):
-        wide, high = rig.left.size
+    for camera in (rig.left, rig.right):
+        check_size(left.shape[1::-1], camera.size)
+
+
+def check_size(size: tuple[int, ...], calibrated: tuple[int, ...]) -> None:
+    """Refuse pictures of a size, (width, height), that a camera was not calibrated for.
+
+    Raises:
+        InputError: with both sizes.
+    """
+    if tuple(size) != tuple(calibrated):
         raise InputError(
-            f"the pictures are {size[0]} x {size[1]}, the rig was calibrated for {wide} x {high}:"
+            f"the pictures are {size[0]} x {size[1]}, the rig was calibrated for {calibrated[0]} x {calibrated[1]}:"
             " use pictures of that size, or calibrate with pictures of this one"
         )
 

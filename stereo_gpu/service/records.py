@@ -48,6 +48,11 @@ class InputFile:
     width: int
     height: int
 
+    @property
+    def picture_size(self) -> tuple[int, int]:
+        """Width and height, px."""
+        return self.width, self.height
+
 
 @dataclass(frozen=True, kw_only=True)
 class Job:
@@ -122,6 +127,11 @@ class RigRecord:
     summary: dict[str, Any] = field(default_factory=dict)
     calibration: str | None = None
     checked: bool = False
+
+    @property
+    def picture_size(self) -> tuple[int, int]:
+        """Width and height that it was calibrated for, px."""
+        return self.summary["width"], self.summary["height"]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -49,3 +49,8 @@ class StoreError(StereoError):
 
 class DiskFull(StoreError):
     """There is no room on the disk."""
+
+
+def no_rig(id: str) -> InputError:
+    """What is said of a job or an outline that names a rig which its client does not have."""
+    return InputError(f"there is no rig {id!r:.50}: ask for the list of rigs, or send it again")

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import secrets
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from stereo_gpu.boards.choose import choose_board
-from stereo_gpu.errors import InputError, StereoError
-from stereo_gpu.service.http.pair_sizes import check_one_size, check_size_of_mask, check_size_of_rig, check_sizes_alike
+from stereo_gpu.errors import InputError, PictureError, StereoError
+from stereo_gpu.images import check_one_size
+from stereo_gpu.mask import check_mask_size
+from stereo_gpu.rectify import check_size
 from stereo_gpu.service.intake.multipart import FileWanted, FormSpec
 from stereo_gpu.service.intake.uploads import Form
 from stereo_gpu.service.options import OPTIONS_BYTES, fingerprint, read_options
-from stereo_gpu.service.records import Job, Kind
-from stereo_gpu.service.refusals import StoreError
+from stereo_gpu.service.records import InputFile, Job, Kind, RigRecord
+from stereo_gpu.service.refusals import StoreError, no_rig
 from stereo_gpu.service.service import Service
 
 MOST_BOARDS = 400  # pictures of each camera; fifty are many
@@ -50,13 +52,11 @@ def accept_pair(service: Service, client: str, form: Form, key: str | None) -> t
     """
     with form:
         (left,), (right,) = form.files["left"], form.files["right"]
-        check_sizes_alike(left, right)
-        rig = service.store.rig(client, form.fields["rig"])
-        if rig is None:
-            raise InputError(f"there is no rig {form.fields['rig']!r:.50}: ask for the list of rigs, or send it again")
-        check_size_of_rig(left, rig)
+        check_one_size(left.picture_size, right.picture_size)
+        rig = named_rig(service, client, form)
+        check_size(left.picture_size, rig.picture_size)
         for mask in form.files["mask"]:
-            check_size_of_mask(mask, rig)
+            check_mask_size("mask", mask.picture_size, rig.picture_size)
         options = read_options(form.fields.get("options", ""), width=left.width).given()
         return _enqueue(service, client, form, Kind.RECONSTRUCTION, options, rig.id, key)
 
@@ -73,9 +73,22 @@ def accept_boards(service: Service, client: str, form: Form, key: str | None) ->
         if len(left) != len(right):
             raise InputError(f"left has {len(left)} pictures, right has {len(right)}: give both pictures of every pair")
         for side, some in form.files.items():
-            check_one_size(side, some)
+            _check_camera(side, some)
         options = _board_options(form.fields)
         return _enqueue(service, client, form, Kind.CALIBRATION, options, None, key)
+
+
+def named_rig(service: Service, client: str, form: Form) -> RigRecord:
+    """The rig that a form names.
+
+    Raises:
+        InputError: the client has none of this id.
+    """
+    id = form.fields["rig"]
+    rig = service.store.rig(client, id)
+    if rig is None:
+        raise no_rig(id)
+    return rig
 
 
 def read_title(name: str, given: str) -> str:
@@ -87,6 +100,18 @@ def read_title(name: str, given: str) -> str:
     if len(given) > LONGEST_LABEL:
         raise InputError(f"{name} has {len(given)} characters, the limit is {LONGEST_LABEL}: shorten it")
     return " ".join("".join(letter if letter.isprintable() else " " for letter in given).split())
+
+
+def _check_camera(side: str, pictures: Sequence[InputFile]) -> None:
+    """Refuse pictures of one camera that differ in size."""
+    first = pictures[0]
+    for picture in pictures:
+        if picture.picture_size != first.picture_size:
+            raise PictureError(
+                f"{side}: {picture.given or picture.name} is {picture.width} x {picture.height} px,"
+                f" {first.given or first.name} is {first.width} x {first.height} px:"
+                " give pictures of one camera, all of one size"
+            )
 
 
 def _board_options(fields: Mapping[str, str]) -> dict[str, Any]:

@@ -8,13 +8,13 @@ from anyio.to_thread import run_sync
 from fastapi import APIRouter, Request, Response
 from pydantic import BaseModel, ConfigDict, Field
 
-from stereo_gpu.errors import InputError
+from stereo_gpu.images import check_one_size
 from stereo_gpu.mask import MOST_STROKES
 from stereo_gpu.match_options import parse_view
+from stereo_gpu.service.http.accepting import named_rig
 from stereo_gpu.service.http.asking import Client, IdHere, ServiceHere
 from stereo_gpu.service.http.models import ID, Href, Id, Time, View, moment
 from stereo_gpu.service.http.openapi import body, form, picture, text, wrong
-from stereo_gpu.service.http.pair_sizes import check_sizes_alike
 from stereo_gpu.service.intake.multipart import FileWanted, FormSpec
 from stereo_gpu.service.intake.uploads import receive_form
 from stereo_gpu.service.jobs.outline_work import Strokes
@@ -81,11 +81,8 @@ async def post_outline(request: Request, client: Client, service: ServiceHere) -
     """Rectify a pair, so that the object can be painted in its reference view."""
     received = await receive_form(request, service.folders, service.settings, OUTLINE_FORM)
     try:
-        check_sizes_alike(received.files["left"][0], received.files["right"][0])
-        rig = await run_sync(service.store.rig, client, received.fields["rig"])
-        if rig is None:
-            given = received.fields["rig"]
-            raise InputError(f"there is no rig {given!r:.50}: ask for the list of rigs, or send it again")
+        check_one_size(received.files["left"][0].picture_size, received.files["right"][0].picture_size)
+        rig = await run_sync(named_rig, service, client, received)
         reference = str(parse_view(received.fields.get("reference", "right")))
     except BaseException:
         with received:  # removes it

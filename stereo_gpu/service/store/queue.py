@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 import sqlite3
 
-from stereo_gpu.errors import InputError
 from stereo_gpu.service.records import Job, State
-from stereo_gpu.service.refusals import Conflict, KeyReused, QueueFull
+from stereo_gpu.service.refusals import Conflict, KeyReused, QueueFull, no_rig
 from stereo_gpu.service.store.part import Part, find_job, job_columns
 
 RATE_S = 60.0  # the time over which the rate is taken that a full queue tells
@@ -51,7 +50,7 @@ class Queue(Part):
                     return find_job(tables, job.client, known["job"]), False
             _check_room(tables, job.client, queue_limit, client_limit, self._clock())
             if job.rig is not None and not _has_rig(tables, job.client, job.rig):
-                raise InputError(f"there is no rig {job.rig!r:.50}: ask for the list of rigs, or send it again")
+                raise no_rig(job.rig)
             columns = job_columns(job)
             tables.execute(
                 f"INSERT INTO jobs ({', '.join(columns)}) VALUES ({', '.join(f':{name}' for name in columns)})", columns
