@@ -6,9 +6,10 @@ import shutil
 import subprocess
 from pathlib import Path
 
-import pytest
+from conftest import missing
 
 from stereo_gpu.cli import _parser
+from stereo_gpu.commands.serve import read_settings
 
 DEPLOY = Path(__file__).parents[1] / "deploy"
 UNIT = DEPLOY / "stereo-gpu.service"
@@ -37,13 +38,13 @@ def test_the_unit_starts_what_there_is_and_shuts_it_in():
         assert service[name] == "yes"
     assert service["ProtectSystem"] == "strict" and service["UMask"] == "0077"
     assert "MemoryDenyWriteExecute" not in service  # kernels are compiled while it runs
-    grace = options.grace or 30.0
+    grace = read_settings(options).grace_seconds
     assert float(service["TimeoutStopSec"]) > grace and service["KillMode"] == "mixed"
 
 
 def test_systemd_finds_nothing_wrong_with_the_unit(tmp_path):
     if not (verify := shutil.which("systemd-analyze")):
-        pytest.skip("systemd-analyze: not installed")
+        missing("systemd-analyze", "not installed; it comes with systemd")
     # The program need not be installed where the unit looks for it.
     unit = tmp_path / UNIT.name
     unit.write_text(re.sub(r"(ExecStart=)\S+", r"\1/bin/true", UNIT.read_text()))

@@ -9,8 +9,9 @@ import argparse
 import os
 import sys
 from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from stereo_gpu.service.service import Service
@@ -20,32 +21,48 @@ MISSING = 'a package of the service is missing ({}): pip install "stereo-gpu[ser
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """Say what the command takes; what is left out is as `service/settings.py` has it."""
+    """Say what the command takes: fields of `Settings`, which are left out where nothing is said, and the rest."""
+    from stereo_gpu.service.settings import Settings
+
+    def add(group: Any, option: str, text: str, usual: str | None = None, **more: Any) -> None:
+        name = more.pop("dest", option.removeprefix("--").replace("-", "_"))
+        value = getattr(Settings, name)
+        told = usual or (f"{value:g}" if isinstance(value, float) else value)
+        group.add_argument(option, dest=name, default=argparse.SUPPRESS, help=f"{text} ({told})", **more)
+
     parser.add_argument("--data", type=Path, required=True, metavar="DIR", help="folder of all that it keeps")
     given = parser.add_argument_group("where it listens")
-    given.add_argument("--host", help="address; only this machine reaches the usual one (127.0.0.1)")
-    given.add_argument("--port", type=int, help="0 for any that is free (8000)")
-    given.add_argument("--link", metavar="URL", help="what people open, where a proxy stands before it")
+    add(given, "--host", "address; only this machine reaches the usual one")
+    add(given, "--port", "0 for any that is free", type=int)
+    add(given, "--link", "what people open, where a proxy stands before it", "that address", metavar="URL")
     given = parser.add_argument_group("workers")
-    given.add_argument("--engine", choices=("local", "inline", "ray"), help="where jobs are done (local)")
-    given.add_argument("--address", help="of the Ray cluster; by default one is started here")
-    given.add_argument("--workers", type=int, metavar="N", help="jobs at once; by default what suits the device")
-    given.add_argument("--backend", help="where to compute, as `devices` names it; by default every GPU, else the CPU")
+    add(given, "--engine", "where jobs are done", choices=("local", "inline", "ray"))
+    add(given, "--address", "of the Ray cluster", "one is started here")
+    add(given, "--workers", "jobs at once", "what suits the device", type=int, metavar="N")
+    add(given, "--backend", "where to compute, as `devices` names it", "every GPU, else the CPU")
     given = parser.add_argument_group("limits of a job")
-    given.add_argument("--job-seconds", type=_or_none(float), metavar="S", help="time, or none (600)")
-    given.add_argument("--job-memory", type=_or_none(int), metavar="MB", help="memory of its process, or none (none)")
-    given.add_argument("--tries", type=int, metavar="N", help="lost workers after which a job has failed (3)")
-    given.add_argument("--grace", type=float, metavar="S", help="what jobs under way get at a stop (30)")
+    add(given, "--job-seconds", "time, or none", type=_or_none(float), metavar="S")
+    add(
+        given,
+        "--job-memory",
+        "memory of its process, or none",
+        "none",
+        dest="job_memory_mb",
+        type=_or_none(int),
+        metavar="MB",
+    )
+    add(given, "--tries", "lost workers after which a job has failed", type=int, metavar="N")
+    add(given, "--grace", "what jobs under way get at a stop", dest="grace_seconds", type=float, metavar="S")
     given = parser.add_argument_group("limits of the queue and of uploads")
-    given.add_argument("--queue-limit", type=int, metavar="JOBS", help="that may wait, of all clients (10000)")
-    given.add_argument("--client-limit", type=int, metavar="JOBS", help="that may wait, of one client (5000)")
-    given.add_argument("--file-mb", type=int, metavar="MB", help="largest picture, as a file (64)")
-    given.add_argument("--request-mb", type=int, metavar="MB", help="largest request (512)")
-    given.add_argument("--megapixels", type=float, metavar="MP", help="largest picture, by its header (50)")
+    add(given, "--queue-limit", "that may wait, of all clients", type=int, metavar="JOBS")
+    add(given, "--client-limit", "that may wait, of one client", type=int, metavar="JOBS")
+    add(given, "--file-mb", "largest picture, as a file", type=int, metavar="MB")
+    add(given, "--request-mb", "largest request", type=int, metavar="MB")
+    add(given, "--megapixels", "largest picture, by its header", type=float, metavar="MP")
     given = parser.add_argument_group("what is kept")
-    given.add_argument("--keep-days", type=float, metavar="DAYS", help="of jobs that have ended (30)")
-    given.add_argument("--keep-gb", type=float, metavar="GB", help="room for them, the oldest go first (50)")
-    given.add_argument("--spare-gb", type=float, metavar="GB", help="with less left on the disk nothing is taken (1)")
+    add(given, "--keep-days", "of jobs that have ended", type=float, metavar="DAYS")
+    add(given, "--keep-gb", "room for them, the oldest go first", type=float, metavar="GB")
+    add(given, "--spare-gb", "with less left on the disk nothing is taken", type=float, metavar="GB")
     given = parser.add_argument_group("clients")
     given.add_argument(
         "--new-token",
@@ -88,24 +105,7 @@ def read_settings(options: argparse.Namespace) -> Settings:
     """
     from stereo_gpu.service.settings import Settings
 
-    named = {
-        "job_memory_mb": options.job_memory,
-        "grace_seconds": options.grace,
-        "job_seconds": options.job_seconds,
-        **{
-            name: getattr(options, name)
-            for name in (
-                *("data", "host", "port", "link", "engine", "address", "workers", "backend", "tries"),
-                *("queue_limit", "client_limit", "file_mb", "request_mb", "megapixels"),
-                *("keep_days", "keep_gb", "spare_gb"),
-            )
-        },
-    }
-    given = {name: value for name, value in named.items() if value is not None}
-    # "none" is read as infinity, since None means that nothing was said.
-    for name in ("job_seconds", "job_memory_mb"):
-        if given.get(name) == float("inf"):
-            given[name] = None
+    given = {field.name: getattr(options, field.name) for field in fields(Settings) if hasattr(options, field.name)}
     settings = Settings(**given)
     _check(settings)
     return settings
@@ -197,11 +197,11 @@ def _change_clients(settings: Settings, new: str | None, gone: str | None) -> No
         store.close()
 
 
-def _or_none(kind: Callable[[str], float]) -> Callable[[str], float]:
-    """A reader of a number, or of `none`, which is told as infinity."""
+def _or_none(kind: Callable[[str], float]) -> Callable[[str], float | None]:
+    """A reader of a number, or of `none`."""
 
-    def parse(text: str) -> float:
-        return float("inf") if text == "none" else kind(text)
+    def parse(text: str) -> float | None:
+        return None if text == "none" else kind(text)
 
     parse.__name__ = "number"
     return parse
