@@ -1,7 +1,7 @@
 """Devices and data that tests run on; what is missing is skipped by name, or fails if it is required.
 
-STEREO_GPU_REQUIRE=opencl,warp:cpu,data,ptxas,vtk,gltf-validator,service,ray,chromium turns the skip of a missing
-device, of missing data, of an extra or of a tool into a failure.
+STEREO_GPU_REQUIRE=opencl,warp:cpu,data,ptxas,vtk,gltf-validator,matplotlib,service,ray,chromium turns the skip of a
+missing device, of missing data, of an extra or of a tool into a failure.
 """
 
 import importlib.util
@@ -24,6 +24,12 @@ def missing(name, reason):
     if name in REQUIRED:
         pytest.fail(f"{name} is required here: {reason}")
     pytest.skip(f"{name}: {reason}")
+
+
+def need_matplotlib():
+    """Skip a test that draws plots where they cannot be drawn."""
+    if importlib.util.find_spec("matplotlib") is None:
+        missing("matplotlib", "it is not installed: pip install 'stereo-gpu[plot]'")
 
 
 def device_names():

@@ -3,6 +3,7 @@
 import cv2
 import numpy as np
 import pytest
+from conftest import need_matplotlib
 
 from stereo_gpu.errors import InputError
 from stereo_gpu.evaluation.accuracy import BoardResult, found_range, measure_pair
@@ -147,7 +148,7 @@ def test_cost_is_told_beside_what_is_wrong(pair):
     first, second = list(cost_table(costs, measured))[2:]
     assert cells(first) == [YARDSTICK, "10", "1.00", "1.00", "1.00", "0.00 %"]
     assert cells(second) == ["other", "20", "2.00", "4.00", "2.00", "100.00 %"]
-    pytest.importorskip("matplotlib")
+    need_matplotlib()
     assert draw_trade(costs, measured, matchers).startswith(b"\x89PNG")
 
 

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from bench_runs import made_up_run
+from conftest import need_matplotlib
 
 from stereo_gpu.cli import main
 
@@ -21,12 +22,8 @@ def run_file(tmp_path):
     return str(tmp_path / "run.json")
 
 
-def needs_matplotlib():
-    pytest.importorskip("matplotlib", reason="matplotlib is an extra: pip install 'stereo-gpu[plot]'")
-
-
 def test_pictures_and_page(run_file, tmp_path, capsys):
-    needs_matplotlib()
+    need_matplotlib()
     assert main(["bench", "--load", run_file, "--plot", str(tmp_path / "plots")]) == 0
     assert "bench.html" in capsys.readouterr().out
     for name in ("roofline", "speed", "peers"):
@@ -79,7 +76,7 @@ def test_the_document_says_at_its_top_that_a_run_was_quick(seconds, load, says):
 
 @pytest.mark.skipif(not GENERATOR.is_file(), reason="tools/performance.py is in the checkout only")
 def test_the_document_has_the_ratios_first(run_file, tmp_path, monkeypatch):
-    needs_matplotlib()
+    need_matplotlib()
     (tmp_path / "docs" / "images").mkdir(parents=True)
     generator = load_generator()
     monkeypatch.setattr(sys, "argv", ["performance", "--load", run_file, "--docs", str(tmp_path / "docs")])

@@ -5,6 +5,7 @@ import json
 
 import pytest
 from bench_runs import made_up_run
+from conftest import need_matplotlib
 
 from stereo_gpu.bench.compare import compare, comparison_lines
 from stereo_gpu.bench.record import BenchRun
@@ -247,7 +248,7 @@ def test_a_damaged_file(saved, tmp_path, capsys, says):
 )
 def test_wrong_input_is_one_line(tmp_path, monkeypatch, capsys, arguments, says):
     if "--plot" in arguments:
-        pytest.importorskip("matplotlib")
+        need_matplotlib()
     monkeypatch.chdir(tmp_path)
     (tmp_path / "text.json").write_text("GDE/s", "utf-8")
     (tmp_path / "list.json").write_text("[1]", "utf-8")

@@ -31,7 +31,9 @@ def wait_for(condition, seconds=SOON_S):
 
 @pytest.fixture(scope="module")
 def psutil():
-    return pytest.importorskip("psutil")
+    import psutil
+
+    return psutil
 
 
 @pytest.fixture
