@@ -7,20 +7,16 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-import numpy as np
-
 from stereo_gpu.advice import find_warnings
 from stereo_gpu.backends import Backend, open_backend
 from stereo_gpu.close_holes import close_holes
 from stereo_gpu.config import Checking, MeshOptions
 from stereo_gpu.disparity_range import find_range
-from stereo_gpu.errors import InputError
 from stereo_gpu.images import check_pair
 from stereo_gpu.inputs import Source, describe, hash_array, read_source
 from stereo_gpu.job import Job, Rectangle, check_against, parse_check, plan_job
 from stereo_gpu.known_distance import KnownDistance, scale_to
 from stereo_gpu.level_spikes import level_spikes
-from stereo_gpu.mask import mask_from_depth, mask_from_rectangle
 from stereo_gpu.match_options import Range, Window
 from stereo_gpu.model import Show, build_model
 from stereo_gpu.model_files.frame import check_shown
@@ -34,8 +30,9 @@ from stereo_gpu.self_calibrate import Known, RigFound, self_calibrate
 from stereo_gpu.tiles import match_in_tiles
 from stereo_gpu.timing import Stopwatch
 from stereo_gpu.triangulate import triangulate_on
-from stereo_gpu.types import UNSCALED, Bytes, Disparity, Floats, Picture, RectifiedPair, Validity, View
+from stereo_gpu.types import UNSCALED, Bytes, Disparity, Floats, Picture, RectifiedPair, View
 from stereo_gpu.unwrap import warm_up
+from stereo_gpu.wanted import cut_depth, find_wanted
 
 STAGES = (
     "read",
@@ -243,7 +240,7 @@ def _from_rectified(
         picture, valid, other_valid = pair.left, pair.valid_left, pair.valid_right
         if job.view is View.RIGHT:
             picture, valid, other_valid = pair.right, pair.valid_right, pair.valid_left
-        wanted = _wanted(picture, valid, job)
+        wanted = find_wanted(picture, valid, job)
     show("wanted", wanted)
     with watch.step("range"):
         if job.disparities == "auto":
@@ -285,7 +282,7 @@ def _from_rectified(
         if setup.distance is not None:
             pair, points = scale_to(setup.distance, pair, points, setup.rig, job.view)
         if job.depth is not None:
-            disparity, points = _cut_depth(disparity, points, job.depth)
+            disparity, points = cut_depth(disparity, points, job.depth)
     show("points", points)
     on_device, raw = (held.left, raw_left) if job.view is View.LEFT else (held.right, raw_right)
     scale = grey_scale(raw)
@@ -339,32 +336,3 @@ def _check_map(
         if not setup.ignore_check:
             refuse_bad(checked)
     return checked
-
-
-def _wanted(picture: Picture, valid: Bytes, job: Job) -> Bytes:
-    """Where the reference view has content and somebody wants it."""
-    wanted = valid
-    if job.mask is not None:
-        wanted = np.asarray(wanted & (job.mask != 0), np.uint8)
-    if job.rectangle is not None:
-        wanted = np.asarray(wanted & (mask_from_rectangle(picture, job.rectangle) != 0), np.uint8)
-    if not wanted.any():
-        raise InputError("the mask leaves no pixel of the reference view: widen it")
-    return wanted
-
-
-def _cut_depth(disparity: Disparity, points: Floats, depth: tuple[float, float]) -> tuple[Disparity, Floats]:
-    """Take away what lies outside of the wanted depths."""
-    found = np.isfinite(disparity.values)
-    outside = (mask_from_depth(points, *depth) == 0) & found
-    if (outside == found).all():
-        depths = points[..., 2][np.isfinite(points[..., 2])]
-        there = f"from {depths.min():.4g} to {depths.max():.4g}" if len(depths) else "nowhere"
-        raise InputError(f"depth = {depth[0]:g},{depth[1]:g}: nothing lies there, points were found {there}; widen it")
-    cut = dataclasses.replace(
-        disparity,
-        values=np.where(outside, np.float32(np.nan), disparity.values),
-        validity=np.where(outside, np.uint8(Validity.MASKED), disparity.validity),
-        confidence=np.where(outside, np.float32(0), disparity.confidence),
-    )
-    return cut, np.where(outside[..., None], np.float32(np.nan), points)
